@@ -1,0 +1,60 @@
+# `make help` lists the commands. Everything is installed into .venv; ENV=folder moves it.
+SHELL := /bin/sh
+ENV ?= .venv
+PORT ?=
+STUDY ?= sakai2021
+BIN := $(ENV)/bin
+# The first Python that is new enough; PYTHON=... names another.
+PYTHON ?= $(shell for name in python3 python3.14 python3.13 python3.12 python3.11; do \
+	$$name -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 15))' 2>/dev/null && echo $$name && break; done)
+
+# 8000, or the next port that is free.
+FREE_PORT := import socket; free = lambda port: socket.socket().connect_ex(("127.0.0.1", port)) != 0; \
+	print(next(filter(free, range(8000, 8100)), 8000))
+
+.DEFAULT_GOAL := help
+.PHONY: help run test check format bench soak lock install install-browser clean
+
+help:  ## List the commands
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+run: install  ## Build the study, make an account and serve, as a test run; PORT=8000 sets the port
+	@$(BIN)/xar build $(STUDY)
+	@$(BIN)/xar admin create researcher --generate-password --if-missing
+	@$(BIN)/xar serve --study $(STUDY) --port $(or $(PORT),$$($(BIN)/python -c '$(FREE_PORT)'))
+
+test: install install-browser  ## Run every test, those in the browser included
+	$(BIN)/pytest -n 2 --dist loadfile
+
+check: install  ## Style, types, import arrows, dependencies, security
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/deptry .
+	$(BIN)/bandit --quiet --recursive -ll --configfile pyproject.toml webapp .ci
+
+format: install  ## Format the Python files and mend what can be mended
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: install  ## Time what the documentation promises
+	$(BIN)/python -m tests.benchmarks.promises
+
+soak: install  ## Send 200 participants through a server and compare what is stored with what was acknowledged
+	$(BIN)/python -m tests.benchmarks.soak
+
+lock: install  ## Compile constraints.txt anew from pyproject.toml
+	$(BIN)/uv pip compile --quiet --upgrade --python-version 3.11 --extra test --extra dev \
+		--output-file constraints.txt pyproject.toml
+
+clean:  ## Remove caches and the environment; databases, secrets and bundles in instance/ stay
+	rm -rf $(ENV) build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis test-results
+	find . -name __pycache__ -type d -not -path './$(ENV)/*' -prune -exec rm -rf {} +
+
+install:
+	@test -n "$(PYTHON)" || { echo "Python 3.11 to 3.14 is needed and none was found; PYTHON=... names one." >&2; exit 2; }
+	@$(PYTHON) .ci/install.py --environment $(ENV)
+
+install-browser: install
+	@$(PYTHON) .ci/install.py --environment $(ENV) --browser

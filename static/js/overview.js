@@ -1,0 +1,142 @@
+/* Keeps the overview up to date without loading it anew. */
+
+const EVERY_MS = 5000;
+const UNITS = [
+  ["day", 86400],
+  ["hour", 3600],
+  ["minute", 60],
+  ["second", 1],
+];
+const COUNTS = { arrived: "agreed", in_progress: "in progress", completed: "completed", withdrawn: "left" };
+
+/** Poll the counts, the cells and the participants while the page is in view, and say politely what changed. */
+export function startLiveOverview(overview) {
+  let announced = null;
+  let isAsking = false;
+  async function refresh() {
+    if (document.hidden || isAsking) {
+      return;
+    }
+    isAsking = true;
+    try {
+      const response = await fetch(overview.dataset.status, { headers: { Accept: "application/json" }, redirect: "manual" });
+      if (!response.ok) {
+        report(overview, isSignedOut(response) ? "You have been signed out. Load the page anew to sign in." : lost());
+        return;
+      }
+      const status = await response.json();
+      show(overview, status);
+      report(overview, null);
+      const sentence = summarise(status.counts);
+      if (announced !== null && announced !== sentence) {
+        overview.querySelector("[data-announcer]").textContent = sentence;
+      }
+      announced = sentence;
+    } catch {
+      report(overview, lost());
+    } finally {
+      isAsking = false;
+    }
+  }
+  setInterval(refresh, EVERY_MS);
+  document.addEventListener("visibilitychange", refresh);
+  showTimes(overview);
+  refresh();
+}
+
+function isSignedOut(response) {
+  return response.type === "opaqueredirect" || response.status === 401 || response.status === 403;
+}
+
+function lost() {
+  return "The server does not answer. The numbers may be old; trying again.";
+}
+
+function report(overview, problem) {
+  const box = overview.querySelector("[data-problem]");
+  box.hidden = problem === null;
+  box.textContent = problem ?? "";
+  const pulse = overview.querySelector("[data-pulse]");
+  pulse.hidden = problem !== null;
+  pulse.querySelector("[data-pulse-text]").textContent = `Live, updated ${new Date().toLocaleTimeString()}`;
+}
+
+function summarise(counts) {
+  return Object.entries(COUNTS)
+    .map(([name, words]) => `${counts[name]} ${words}`)
+    .join(", ");
+}
+
+function show(overview, status) {
+  for (const [name, value] of Object.entries(status.counts)) {
+    setText(overview.querySelector(`[data-count="${CSS.escape(name)}"]`), value);
+  }
+  for (const { experiment, kind, layout, assigned, rated } of status.cells) {
+    const cell = overview.querySelector(`[data-cell="${CSS.escape([experiment, kind, layout].join("/"))}"]`);
+    setText(cell?.querySelector("[data-value=assigned]"), assigned);
+    setText(cell?.querySelector("[data-value=rated]"), rated);
+  }
+  overview.querySelector("[data-elsewhere]").hidden = status.num_elsewhere === 0;
+  setText(overview.querySelector("[data-value=num_elsewhere]"), status.num_elsewhere);
+  showParticipants(overview, status.participants);
+  showTimes(overview);
+}
+
+/* Rows are kept and moved, so that a person who reads the table is not thrown out of it. */
+function showParticipants(overview, participants) {
+  const body = overview.querySelector("#participants");
+  const template = overview.querySelector("#participant-row");
+  const known = new Map(Array.from(body.rows, (row) => [row.dataset.participant, row]));
+  participants.forEach((participant, i) => {
+    const row = known.get(participant.code) ?? template.content.firstElementChild.cloneNode(true);
+    known.delete(participant.code);
+    showParticipant(row, participant);
+    if (body.rows[i] !== row) {
+      body.insertBefore(row, body.rows[i] ?? null);
+    }
+  });
+  known.forEach((row) => row.remove());
+  overview.querySelector("#no-participants").hidden = participants.length > 0;
+  body.closest(".table-frame").hidden = participants.length === 0;
+}
+
+function showParticipant(row, participant) {
+  row.dataset.participant = participant.code;
+  setText(row.querySelector("[data-value=code]"), participant.code);
+  const bar = row.querySelector("progress");
+  bar.max = participant.num_pages;
+  bar.value = participant.progress;
+  bar.setAttribute("aria-label", `Pages sent by ${participant.code}`);
+  setText(row.querySelector("[data-value=progress]"), `${participant.progress} of ${participant.num_pages}`);
+  const state = row.querySelector("[data-value=state]");
+  state.className = `state state--${participant.state}`;
+  setText(state, participant.state.replaceAll("_", " "));
+  const cell = row.querySelector("[data-value=last_seen]");
+  const seen = participant.last_seen;
+  const time = cell.querySelector("time") ?? document.createElement("time");
+  if (seen && time.dateTime !== seen) {
+    time.dateTime = seen;
+    cell.replaceChildren(time);
+  }
+}
+
+/* Each moment in the reader's own time, with how long ago it was. */
+function showTimes(overview) {
+  const words = new Intl.RelativeTimeFormat("en", { numeric: "auto" });
+  overview.querySelectorAll("time").forEach((time) => {
+    const moment = new Date(time.dateTime);
+    const seconds = Math.min(0, Math.round((moment - Date.now()) / 1000));
+    const [unit, size] = UNITS.find(([, length]) => -seconds >= length) ?? UNITS.at(-1);
+    const ago = document.createElement("span");
+    ago.className = "ago";
+    ago.textContent = moment.toLocaleString([], { dateStyle: "medium", timeStyle: "medium" });
+    time.title = time.dateTime;
+    time.replaceChildren(words.format(Math.trunc(seconds / size), unit), ago);
+  });
+}
+
+function setText(element, value) {
+  if (element && element.textContent !== String(value)) {
+    element.textContent = String(value);
+  }
+}

@@ -1,0 +1,102 @@
+"""axe looks at every kind of page, on a large screen and on a phone, in light and in dark colours."""
+
+import json
+import random
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Page
+
+from tests.browser.participant import Participant
+from tests.browser.researcher import sign_in
+from tests.browser.site import Site
+from tests.browser.windows import DESKTOP, PHONE, OpenContext
+from tests.conftest import ROOT
+
+AXE = ROOT / "tests/vendor/axe-core/axe.min.js"
+SIZES = {"desktop": DESKTOP["viewport"], "phone": PHONE["viewport"]}
+LOOK = """async () => {
+    const result = await window.axe.run(document, { resultTypes: ["violations"] });
+    return result.violations.map((rule) => [rule.id, ...rule.nodes.map((node) => node.target.join(" "))]);
+}"""
+
+
+def assert_accessible(page: Page, name: str) -> None:
+    """Fail with rules and elements if axe finds anything, whatever the size and the colours."""
+    page.evaluate(AXE.read_text(encoding="utf-8"))
+    found = {}
+    for size, viewport in SIZES.items():
+        page.set_viewport_size(viewport)
+        for colours in ("light", "dark"):
+            page.emulate_media(color_scheme=colours)
+            violations = page.evaluate(LOOK)
+            if violations:
+                found[f"{name}, {size}, {colours}"] = violations
+    assert not found, json.dumps(found, indent=1)
+
+
+@pytest.fixture
+def page(open_context: OpenContext) -> Iterator[Page]:
+    page = open_context(expected=("422", "404", "403", "429")).new_page()
+    yield page
+    page.close()
+
+
+def test_the_pages_around_the_study(page: Page, site: Site) -> None:
+    page.goto("/")
+    assert_accessible(page, "welcome")
+    page.get_by_role("button", name=site.texts("welcome.start")).click()
+    assert_accessible(page, "welcome without consent")
+    page.goto("/declined")
+    assert_accessible(page, "declined")
+    participant = Participant(page, site, random.Random(5))
+    participant.agree()
+    page.goto("/leave")
+    assert_accessible(page, "leave")
+    participant.go_on("leave.confirm")
+    assert_accessible(page, "left")
+
+
+def test_the_pages_of_the_study(page: Page, site: Site) -> None:
+    participant = Participant(page, site, random.Random(6))
+    participant.agree()
+    assert_accessible(page, "instructions")
+    participant.go_on("instructions.start")
+    for experiment, position in participant.trials():
+        assert_accessible(page, f"situation {experiment}.{position}")
+        participant.go_on("situation.continue")
+        assert_accessible(page, f"rating {experiment}.{position}")
+        participant.rate(experiment, position)
+        participant.send()
+    assert_accessible(page, "done")
+
+
+def test_a_rating_page_with_missing_answers_and_one_with_a_notice(page: Page, site: Site) -> None:
+    participant = Participant(page, site, random.Random(7))
+    participant.agree()
+    page.goto("/study/5")
+    assert_accessible(page, "a page with a notice")
+    participant.go_on("instructions.start")
+    participant.go_on("situation.continue")
+    participant.button("explanation.send").click()
+    assert_accessible(page, "a rating page with missing answers")
+
+
+@pytest.mark.parametrize("address", ["/no-such-page", "/study/99", "/study"])
+def test_the_pages_that_say_no(page: Page, address: str) -> None:
+    page.goto(address)
+    assert_accessible(page, address)
+
+
+def test_the_pages_for_researchers(page: Page, site: Site) -> None:
+    page.goto("/researcher/sign-in")
+    assert_accessible(page, "sign in")
+    page.get_by_label("Name").fill("somebody")
+    page.get_by_label("Password").fill("something")
+    page.get_by_role("button", name="Sign in").click()
+    assert_accessible(page, "sign in refused")
+    sign_in(page, site)
+    assert_accessible(page, "overview")
+    page.get_by_role("button", name="Reveal the ratings").click()
+    page.get_by_role("button", name="Reveal the ratings").wait_for(state="detached")
+    assert_accessible(page, "overview with ratings")

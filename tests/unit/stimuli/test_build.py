@@ -1,0 +1,266 @@
+import hashlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.unit.stimuli.study_folders import (
+    SHIPPED,
+    change,
+    copy_study,
+    files_of,
+    nobody,
+    plan_and_build,
+    quietly,
+    small_study,
+)
+from tests.worlds import LAYOUTS, reachable_states
+from webapp.explainer.mdp import DeterministicMDP, Policy
+from webapp.explainer.solvers import plan
+from webapp.explainer.worlds.key_door import TOGGLE
+from webapp.explainer.worlds.view import View, egocentric_view
+from webapp.stimuli.agents import Agent, Agents, BuildError, ReportProgress, planner_agents
+from webapp.stimuli.build import Built, build
+from webapp.stimuli.catalogue import Catalogue, bundle_version, current_bundle
+from webapp.stimuli.sources import Sources
+from webapp.study.problems import StudyError
+from webapp.study.session import Trial
+
+GOLDEN = json.loads((Path(__file__).parents[2] / "golden" / "method-numbers.json").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def folder(planned_instance: Path) -> Path:
+    return current_bundle(planned_instance, "sakai2021")
+
+
+@pytest.fixture(scope="module")
+def tables(folder: Path) -> dict[str, Any]:
+    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in (folder / "tables").glob("*.json")}
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Path:
+    return small_study(tmp_path)
+
+
+def test_the_planners_subgoals_paths_and_importances_are_the_methods(tables: dict[str, Any]) -> None:
+    assert tables.keys() == GOLDEN.keys()
+    for name, table in tables.items():
+        numbers = GOLDEN[name]["return_probability"]["10"]
+        assert table["subgoals"] == numbers["subgoal_steps"]
+        assert table["importance"] == pytest.approx(numbers["importance"], abs=1e-9)
+        assert table["threshold"] == pytest.approx(numbers["threshold"], abs=1e-9)
+        assert [table["states"][state] for state in table["path"]["states"]] == GOLDEN[name]["states"]
+        assert [table["actions"][action] for action in table["path"]["actions"]] == GOLDEN[name]["actions"]
+
+
+def test_every_view_that_can_be_reached_has_its_own_picture(
+    folder: Path, tables: dict[str, Any], bundle: Catalogue
+) -> None:
+    pictures: dict[View, int] = {}
+    for name, layout in LAYOUTS.items():
+        table = tables[name]
+        assert sorted(tuple(state) for state in table["states"]) == [tuple(state) for state in reachable_states(layout)]
+        number_of = {tuple(state): number for state, number in zip(table["states"], table["pictures"], strict=True)}
+        for state in reachable_states(layout):
+            view = egocentric_view(layout, state)
+            assert pictures.setdefault(view, number_of[tuple(state)]) == number_of[tuple(state)]
+    assert sorted(pictures.values()) == list(range(len(bundle.digests)))
+    assert list(bundle.digests) == sorted(bundle.digests)
+    files = {path.stem: path.read_bytes() for path in (folder / "pictures").glob("*.png")}
+    assert files.keys() == set(bundle.digests)
+    assert all(hashlib.sha256(content).hexdigest() == digest for digest, content in files.items())
+
+
+def test_two_builds_give_the_same_bytes(planned_instance: Path, tmp_path: Path) -> None:
+    again = plan_and_build(copy_study(tmp_path), tmp_path / "instance")
+    first = current_bundle(planned_instance, "sakai2021")
+    assert again.is_new
+    assert files_of(current_bundle(tmp_path / "instance", "sakai2021")) == files_of(first)
+    assert again.catalogue.version == first.name == bundle_version(first)
+
+
+def test_a_second_build_trains_nothing_and_reports_the_same(
+    small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = plan_and_build(small, tmp_path)
+    monkeypatch.setattr(nobody, "__name__", planner_agents.__name__)
+    second = build(small, tmp_path, quietly, nobody)
+    assert (first.is_new, second.is_new) == (True, False)
+    assert second.catalogue.version == first.catalogue.version
+    assert [report.to_json() for report in second.reports] == json.loads(
+        json.dumps([report.to_json() for report in first.reports])
+    )
+
+
+@pytest.mark.parametrize(
+    ("file", "before", "after"),
+    [
+        ("texts/en.toml", 'start = "I am ready"', 'start = "Ready"'),
+        ("study.toml", "num_draws = 10", "num_draws = 9"),
+        ("study.toml", '"<name and e-mail address of the responsible researcher>"', '"a@example.org"'),
+        ("layouts/experiment1-a.txt", "#.>.#..#", "#.<.#..#"),
+    ],
+)
+def test_whatever_changes_in_the_study_makes_another_version(
+    file: str, before: str, after: str, small: Path, tmp_path: Path
+) -> None:
+    first = plan_and_build(small, tmp_path / "instance")
+    change(small / file, before, after)
+    second = plan_and_build(small, tmp_path / "instance")
+    assert second.is_new
+    assert second.catalogue.version != first.catalogue.version
+
+
+def test_a_comment_in_the_study_file_makes_no_other_version(small: Path, tmp_path: Path) -> None:
+    first = plan_and_build(small, tmp_path / "instance")
+    change(small / "study.toml", "seed = 2021", "seed = 2021  # Any will do.")
+    assert plan_and_build(small, tmp_path / "instance").catalogue.version == first.catalogue.version
+
+
+def test_the_last_built_version_is_current_and_earlier_ones_stay(small: Path, tmp_path: Path) -> None:
+    study, instance = small, tmp_path / "instance"
+    first = plan_and_build(study, instance).catalogue.version
+    change(study / "texts" / "en.toml", 'start = "I am ready"', 'start = "Ready"')
+    second = plan_and_build(study, instance).catalogue.version
+    assert current_bundle(instance, "sakai2021").name == second
+    assert Catalogue.open(instance / "bundles" / first).texts("en")("instructions.start") == "I am ready"
+    change(study / "texts" / "en.toml", 'start = "Ready"', 'start = "I am ready"')
+    back = plan_and_build(study, instance)
+    assert (back.is_new, current_bundle(instance, "sakai2021").name) == (False, first)
+
+
+def test_a_damaged_bundle_is_built_again(small: Path, tmp_path: Path) -> None:
+    built = plan_and_build(small, tmp_path)
+    picture = current_bundle(tmp_path, "sakai2021") / "pictures" / f"{built.catalogue.digests[0]}.png"
+    whole = picture.read_bytes()
+    picture.write_bytes(whole[:-1])
+    again = plan_and_build(small, tmp_path)
+    assert again.is_new
+    assert again.catalogue.version == built.catalogue.version
+    assert picture.read_bytes() == whole
+
+
+def test_a_new_instance_is_closed_to_other_accounts(small: Path, tmp_path: Path) -> None:
+    plan_and_build(small, tmp_path / "instance")
+    assert (tmp_path / "instance").stat().st_mode & 0o777 == 0o700
+    assert not list((tmp_path / "instance" / "bundles").glob("draft-*"))
+
+
+def test_a_study_that_cannot_be_used_builds_nothing(tmp_path: Path) -> None:
+    study = copy_study(tmp_path)
+    change(study / "study.toml", "num_draws = 10", "num_draws = 0")
+    with pytest.raises(StudyError, match="num_draws"):
+        build(study, tmp_path / "instance", quietly, nobody)
+    assert not (tmp_path / "instance").exists()
+
+
+def with_policy(change_policy: Any) -> Any:  # noqa: ANN401
+    """Return a provider of planners whose policy on `experiment2-a` is changed."""
+
+    def provide(sources: Sources, progress: ReportProgress) -> Agents:
+        agents = planner_agents(sources, progress)
+        by_layout = dict(agents.by_layout)
+        agent = by_layout["experiment2-a"]
+        by_layout["experiment2-a"] = Agent(lambda mdp: change_policy(mdp, agent.policy(mdp)), agent.world, {})
+        return Agents("planner", by_layout, {}, {}, agents.save)
+
+    return provide
+
+
+def test_an_agent_that_never_arrives_fails_the_build_and_leaves_nothing(tmp_path: Path) -> None:
+    def stuck(mdp: DeterministicMDP, policy: Policy) -> Policy:
+        policy[mdp.start] = TOGGLE
+        return policy
+
+    with pytest.raises(BuildError, match="layout 'experiment2-a': the policy never reaches the goal"):
+        build(SHIPPED, tmp_path, quietly, with_policy(stuck))
+    assert files_of(tmp_path) == {}
+
+
+def test_a_path_without_a_split_fails_the_build(tmp_path: Path) -> None:
+    study = copy_study(tmp_path)
+    change(study / "study.toml", "min_video_actions = 2", "min_video_actions = 12")
+    with pytest.raises(BuildError, match="layout 'experiment2-a' in experiment '2': no step of this path"):
+        plan_and_build(study, tmp_path / "instance")
+
+
+def test_random_pairs_after_a_video_are_drawn_from_what_lies_ahead(tmp_path: Path) -> None:
+    study = copy_study(tmp_path)
+    change(study / "study.toml", '["all_key_points", "first_key_point"]', '["random", "first_key_point"]')
+    bundle = plan_and_build(study, tmp_path / "instance").catalogue
+    for layout in ("experiment2-a", "experiment2-b"):
+        split = GOLDEN[layout]["query"]["from_step"]
+        whole = json.loads(
+            (current_bundle(tmp_path / "instance", "sakai2021") / "tables" / f"{layout}.json").read_text()
+        )
+        ahead = [bundle.digests[whole["pictures"][state]] for state in whole["path"]["states"][split - 1 :]]
+        pairs = {tuple(ahead[i : i + 2]) for i in range(len(ahead) - 1)} | {(ahead[-1],)}
+        for draw in range(10):
+            first, *others = bundle.explanation(Trial("2", 1, 2, layout, "random", draw), "en")
+            assert [frame.digest for frame in first.frames] == ahead[:1]
+            assert {tuple(frame.digest for frame in strip.frames) for strip in others} <= pairs
+            assert len(others) == len([step for step in whole["subgoals"] if step >= split])
+
+
+def test_a_world_model_that_errs_on_the_path_is_told_by_the_report(tmp_path: Path) -> None:
+    """The model takes the first turn to the right for a blow against the wall: the path stays, the importance not."""
+
+    def provide(sources: Sources, progress: ReportProgress) -> Agents:
+        agents = planner_agents(sources, progress)
+        by_layout = dict(agents.by_layout)
+        world = by_layout["simulation"].world
+        next_state = world.next_state.copy()
+        off_path = next(
+            (state, action)
+            for state in range(world.num_states)
+            for action in range(world.num_actions)
+            if world.next_state[state, action] not in (state, *reached_by_policy(world, state))
+        )
+        next_state[off_path] = off_path[0]
+        erring = DeterministicMDP(world.states, world.actions, next_state, world.terminal, world.goal, world.start)
+        by_layout["simulation"] = Agent(lambda mdp: plan(world) if mdp is erring else plan(mdp), erring, {})
+        return Agents("erring", by_layout, {}, {}, agents.save)
+
+    built = build(SHIPPED, tmp_path, quietly, provide)
+    differences = {report.layout: report.max_difference for report in built.reports}
+    assert differences.pop("simulation") > 1e-6
+    assert set(differences.values()) == {0.0}
+
+
+def reached_by_policy(world: DeterministicMDP, state: int) -> Iterator[int]:
+    yield int(world.next_state[state, plan(world)[state]])
+
+
+def test_the_manifest_tells_what_the_bundle_was_made_with(folder: Path) -> None:
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    assert manifest["agents"] == "planner"
+    assert manifest["training_seeds"] == dict.fromkeys(LAYOUTS, 2021)
+    assert {"torch", "numpy", "pillow", "minigrid"} <= manifest["made_with"]["packages"].keys()
+    assert manifest["made_with"]["processor"]
+    by_layout = {report["layout"]: report for report in manifest["report"]}
+    for name, report in by_layout.items():
+        assert report["num_states"] == GOLDEN[name]["reachable_states"]
+        assert report["subgoals"] == GOLDEN[name]["return_probability"]["10"]["subgoal_steps"]
+        assert report["max_difference"] == 0.0
+    for name in ("experiment2-a", "experiment2-b"):
+        assert by_layout[name]["key_points"] == {"2": GOLDEN[name]["query"]["key_point_steps"]}
+
+
+def test_progress_goes_from_nothing_to_all(small: Path, tmp_path: Path) -> None:
+    told: list[tuple[str, float]] = []
+    build(small, tmp_path, lambda stage, done: told.append((stage, done)), planner_agents)
+    for stage in ("explaining", "drawing pictures"):
+        shares = [done for name, done in told if name == stage]
+        assert shares == sorted(shares)
+        assert shares[-1] == 1.0
+        assert all(0 <= share <= 1 for share in shares)
+
+
+def test_a_build_that_was_new_says_how(small: Path, tmp_path: Path) -> None:
+    built = plan_and_build(small, tmp_path)
+    assert isinstance(built, Built)
+    assert [report.layout for report in built.reports] == list(built.catalogue.study.layouts)

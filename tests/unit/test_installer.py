@@ -1,0 +1,69 @@
+"""The script that makes the environment, as far as it can be tried without installing anything."""
+
+import os
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import ROOT
+
+SCRIPT = ROOT / ".ci/install.py"
+
+
+def install(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, str(SCRIPT), *arguments],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.fixture
+def ready(tmp_path: Path) -> Path:
+    """An environment whose stamp says that everything is there."""
+    stamp = runpy.run_path(str(SCRIPT))["fingerprint"]()
+    (tmp_path / ".installed").write_text(stamp, encoding="utf-8")
+    return tmp_path
+
+
+def test_where_the_stamp_matches_nothing_is_done(ready: Path) -> None:
+    finished = install("--environment", str(ready))
+    assert (finished.returncode, finished.stdout, finished.stderr) == (0, "", "")
+    assert [path.name for path in ready.iterdir()] == [".installed"]
+
+
+def test_a_browser_that_is_named_is_taken(ready: Path) -> None:
+    named = ready / "my-browser"
+    named.touch()
+    nowhere = {"PATH": str(ready), "HOME": str(ready)}
+    assert install("--environment", str(ready), "--browser", XAR_CHROMIUM=str(named), **nowhere).returncode == 0
+
+
+def test_without_a_browser_and_a_way_to_get_one_it_says_what_to_do(ready: Path) -> None:
+    nowhere = {"PATH": str(ready), "HOME": str(ready), "XAR_CHROMIUM": ""}
+    finished = install("--environment", str(ready), "--browser", **nowhere)
+    assert finished.returncode == 2
+    assert finished.stderr.startswith("install: the browser tests need Chromium")
+    assert len(finished.stderr.splitlines()) == 1
+
+
+def test_a_browser_that_is_named_and_missing_is_not_replaced_by_another(ready: Path) -> None:
+    nowhere = {"PATH": str(ready), "HOME": str(ready)}
+    assert install("--environment", str(ready), "--browser", XAR_CHROMIUM="missing", **nowhere).returncode == 2
+
+
+def test_the_stamp_follows_the_lock(tmp_path: Path) -> None:
+    for name in ("pyproject.toml", "constraints.txt", ".ci/install.py"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes((ROOT / name).read_bytes())
+    fingerprint = runpy.run_path(str(tmp_path / ".ci/install.py"))["fingerprint"]
+    before = fingerprint()
+    assert fingerprint() == before
+    with (tmp_path / "constraints.txt").open("a", encoding="utf-8") as lock:
+        lock.write("# another\n")
+    assert fingerprint() != before

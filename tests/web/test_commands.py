@@ -1,0 +1,193 @@
+"""`xar serve`, `xar admin create` and `xar export`, each in a process of its own."""
+
+import http.client
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.web.bundles import FILLED_IN, read_study, write_bundle
+from tests.web.reading import ask, num_rows
+from tests.web.servers import environment, run, serving
+
+_WORK = """
+import json, sys
+from pathlib import Path
+from tests.web.people import Visitor
+from webapp.app import create_app
+from webapp.config import Config
+from webapp.storage.researchers import create_researcher
+from webapp.views.services import services_of, utc_now
+
+app = create_app(Config(Path(sys.argv[1])))
+create_researcher(services_of(app).database, "researcher", "correct horse battery", utc_now())
+visitor = Visitor(app)
+visitor.agree()
+visitor.walk()
+visitor.post("/researcher/sign-in", {"name": "researcher", "password": "correct horse battery"})
+visitor.post("/researcher/reveal")
+statuses = [visitor.get(path).status_code for path in ("/done", "/researcher/", "/researcher/ratings.csv")]
+print(json.dumps({"statuses": statuses, "modules": sorted({name.partition(".")[0] for name in sys.modules})}))
+"""
+
+
+def get(port: int, path: str) -> tuple[int, str]:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+    connection.request("GET", path)
+    answer = connection.getresponse()
+    text = answer.read().decode()
+    connection.close()
+    return answer.status, text
+
+
+def test_the_web_process_holds_no_learning_no_numerics_and_no_drawing(instance: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", _WORK, str(instance)],
+        env=environment(instance),
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
+    found = json.loads(done.stdout)
+    assert found["statuses"] == [200, 200, 200]
+    heavy = {"gymnasium", "matplotlib", "minigrid", "numpy", "pandas", "PIL", "pygame", "scipy", "statsmodels", "torch"}
+    assert heavy & set(found["modules"]) == set()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_the_server_prints_its_addresses_serves_and_stops_cleanly(instance: Path, number: signal.Signals) -> None:
+    with serving(instance) as server:
+        assert server.lines == [
+            f"Participants: http://127.0.0.1:{server.port}/",
+            f"Dashboard:    http://127.0.0.1:{server.port}/researcher/",
+            "Test run: answers are marked as a test.",
+        ]
+        status, text = get(server.port, "/")
+        assert status == 200
+        assert "test run" in text
+        assert get(server.port, "/healthz") == (200, "ok\n")
+        assert server.stop(number) == (0, "")
+
+
+def test_a_second_server_on_the_same_instance_is_refused_in_one_line(instance: Path) -> None:
+    with serving(instance):
+        second = run(instance, "serve", "--port", "0")
+    assert second.returncode == 2
+    assert re.fullmatch(r"xar: another server is running on the instance .*\n", second.stderr)
+
+
+def test_a_port_that_is_taken_is_refused_in_one_line(instance: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    write_bundle(other, read_study())
+    with serving(other) as server:
+        refused = run(instance, "serve", "--port", str(server.port))
+    assert refused.returncode == 2
+    assert refused.stderr.startswith(f"xar: cannot listen on 127.0.0.1 port {server.port}: ")
+    assert refused.stderr.count("\n") == 1
+
+
+def test_live_is_refused_with_the_names_of_what_is_missing(instance: Path) -> None:
+    refused = run(instance, "serve", "--live", "--port", "0")
+    assert refused.returncode == 2
+    assert re.fullmatch(r"xar: --live needs .*contact, ethics_approval, retention_until.*\n", refused.stderr)
+
+
+def test_live_collects_data_once_the_study_file_is_filled_in(instance: Path) -> None:
+    write_bundle(instance, read_study(**FILLED_IN))
+    with serving(instance, "--live") as server:
+        assert server.lines[2] == "Live: answers are data."
+        assert "test run" not in get(server.port, "/")[1]
+
+
+def test_without_a_bundle_the_server_says_what_to_do(tmp_path: Path) -> None:
+    refused = run(tmp_path / "instance", "serve")
+    assert refused.returncode == 2
+    assert re.fullmatch(r"xar: there is no bundle .*xar build.*\n", refused.stderr)
+    assert not (tmp_path / "instance" / "xar.sqlite3").exists()
+
+
+def test_all_wrong_settings_are_named_at_once(instance: Path) -> None:
+    refused = run(instance, "serve", XAR_PORT="http", XAR_HTTPS="perhaps", XAR_HOST="")
+    assert refused.returncode == 2
+    assert all(name in refused.stderr for name in ("XAR_PORT", "XAR_HTTPS", "XAR_HOST"))
+    assert refused.stderr.count("\n") == 1
+
+
+def test_the_instance_is_closed_to_others_even_if_it_was_open(instance: Path) -> None:
+    instance.chmod(0o755)
+    with serving(instance):
+        assert instance.stat().st_mode & 0o777 == 0o700
+        for name in ("xar.sqlite3", "secret_key", "server.lock"):
+            assert (instance / name).stat().st_mode & 0o077 == 0
+
+
+def test_a_key_that_others_can_read_is_refused(instance: Path) -> None:
+    (instance / "secret_key").write_bytes(os.urandom(32))
+    (instance / "secret_key").chmod(0o644)
+    refused = run(instance, "serve")
+    assert refused.returncode == 2
+    assert "can be read by others" in refused.stderr
+
+
+def test_an_account_gets_the_password_that_is_typed_twice(instance: Path) -> None:
+    made = run(instance, "admin", "create", "researcher", entered="correct horse battery\n" * 2)
+    assert made.returncode == 0, made.stderr
+    assert "correct horse" not in made.stdout
+    assert num_rows(instance, "researchers") == 1
+    again = run(instance, "admin", "create", "researcher", entered="correct horse battery\n" * 2)
+    assert again.returncode == 2
+    assert "xar: there is an account 'researcher' already\n" in again.stderr
+
+
+def test_a_password_that_is_too_short_is_refused(instance: Path) -> None:
+    refused = run(instance, "admin", "create", "researcher", entered="short\n" * 2)
+    assert refused.returncode == 2
+    assert "at least 12 characters" in refused.stderr
+
+
+def test_a_generated_password_is_printed_once_and_opens_the_dashboard(instance: Path) -> None:
+    made = run(instance, "admin", "create", "researcher", "--generate-password", "--if-missing")
+    (password,) = re.findall(r"shown only now: (\S{20})$", made.stdout, flags=re.MULTILINE)
+    again = run(instance, "admin", "create", "researcher", "--generate-password", "--if-missing")
+    assert again.returncode == 0
+    assert "shown" not in again.stdout
+    with serving(instance) as server:
+        connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)
+        headers = {"Content-Type": "application/x-www-form-urlencoded", "Sec-Fetch-Site": "same-origin"}
+        connection.request("POST", "/researcher/sign-in", f"name=researcher&password={password}", headers)
+        answer = connection.getresponse()
+        assert (answer.status, answer.getheader("Location")) == (303, "/researcher/")
+        connection.close()
+
+
+def test_an_export_writes_both_files_and_overwrites_none(instance: Path, tmp_path: Path) -> None:
+    missing = run(instance, "export", str(tmp_path / "data"))
+    assert missing.returncode == 2
+    assert missing.stderr.startswith("xar: there is no database")
+    run(instance, "admin", "create", "researcher", "--generate-password")
+    done = run(instance, "export", str(tmp_path / "data"))
+    assert done.returncode == 0
+    assert done.stdout == "".join(f"{tmp_path}/data/{name}: 0 rows\n" for name in ("ratings.csv", "participants.csv"))
+    again = run(instance, "export", str(tmp_path / "data"))
+    assert again.returncode == 2
+    assert again.stderr == f"xar: {tmp_path}/data/ratings.csv exists already; choose another folder\n"
+
+
+def test_answers_survive_a_server_that_is_killed(instance: Path) -> None:
+    with serving(instance) as server:
+        connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)
+        headers = {"Content-Type": "application/x-www-form-urlencoded", "Sec-Fetch-Site": "same-origin"}
+        connection.request("POST", "/consent", "agree=yes", headers)
+        assert connection.getresponse().status == 303
+        server.process.kill()
+        connection.close()
+    assert ask(instance, "SELECT count(*) FROM participants") == [(1,)]
+    assert ask(instance, "PRAGMA integrity_check") == [("ok",)]
+    with serving(instance) as server:
+        assert get(server.port, "/healthz")[0] == 200

@@ -1,0 +1,1 @@
+"""A study platform for explanations that a learned agent gives of its own behaviour."""

@@ -1,0 +1,166 @@
+"""The web application, put together from its parts, and the server that runs it."""
+
+import json
+import logging
+import signal
+import sys
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from types import FrameType
+from typing import NoReturn
+
+from flask import Flask
+from waitress.server import create_server  # type: ignore[import-untyped]
+
+from webapp.config import LOOPBACK, Config, ConfigError
+from webapp.stimuli.catalogue import Catalogue, current_bundle
+from webapp.storage.database import Database
+from webapp.storage.instance import only_server, prepare_instance, secret_key
+from webapp.views import health, participant, researcher
+from webapp.views.errors import init_errors
+from webapp.views.security import cookie_name, init_security
+from webapp.views.services import Bundles, Services, attach, services_of, utc_now
+from webapp.views.texts import init_texts
+from webapp.views.tokens import session_key
+
+NUM_THREADS = 8
+MAX_BODY_BYTES = 64 * 1024
+MAX_FORM_PARTS = 100
+# Above the app's own limit, so that somebody who sends too much is told so on one of our pages.
+_SERVER_MAX_BODY_BYTES = 1024 * 1024
+
+
+def create_app(config: Config, *, clock: Callable[[], datetime] = utc_now) -> Flask:
+    """Put the application together, with its database brought up to date.
+
+    Args:
+        config: The settings.
+        clock: Returns the time, with its zone.
+
+    Raises:
+        ConfigError: Real data are to be collected, and the study file is not ready for it.
+        webapp.stimuli.catalogue.BundleError: The study was not built.
+        webapp.storage.instance.InstanceError: The instance folder cannot be used.
+        webapp.storage.database.DatabaseError: The database cannot be used.
+    """
+    app = Flask("webapp", root_path=str(_resources()), template_folder="templates", static_folder="static")
+    services = _open_services(config, clock)
+    attach(app, services)
+    _configure_flask(app, services)
+    init_security(app, config)
+    init_errors(app)
+    init_texts(app)
+    for module in (participant, researcher, health):
+        app.register_blueprint(module.bp)
+    return app
+
+
+def serve(config: Config, announce: Callable[[str], None]) -> None:
+    """Run the server until it is told to stop by SIGINT or SIGTERM.
+
+    Args:
+        config: The settings.
+        announce: Told the addresses, once the server listens.
+
+    Raises:
+        ConfigError: The address cannot be listened on, or as `create_app`.
+        webapp.storage.instance.InstanceError: Another server runs on this instance, or as `create_app`.
+    """
+    _configure_logging()
+    prepare_instance(config.instance)
+    with only_server(config.instance):
+        app = create_app(config)
+        try:
+            _serve(app, config, announce)
+        finally:
+            services_of(app).database.close()
+
+
+def _resources() -> Path:
+    """Return the folder of `templates` and `static`: within the package if installed, else beside it."""
+    package = Path(__file__).parent
+    return package if (package / "templates").is_dir() else package.parent
+
+
+def _open_services(config: Config, clock: Callable[[], datetime]) -> Services:
+    catalogue = Catalogue.open(current_bundle(config.instance, config.study))
+    placeholders = catalogue.study.placeholders()
+    if config.live and placeholders:
+        names = ", ".join(placeholders)
+        raise ConfigError(f"--live needs the study file's {names}, still placeholders; fill in and run `xar build`")
+    prepare_instance(config.instance)
+    secret = secret_key(config.instance)
+    database = Database(config.database_path)
+    database.upgrade()
+    return Services(config, database, Bundles(config.instance / "bundles", catalogue), secret, clock)
+
+
+def _configure_flask(app: Flask, services: Services) -> None:
+    config = services.config
+    app.config.update(
+        SECRET_KEY=session_key(services.secret),
+        SESSION_COOKIE_NAME=cookie_name(config, "notice"),
+        SESSION_COOKIE_SECURE=config.https,
+        SESSION_COOKIE_HTTPONLY=True,
+        SESSION_COOKIE_SAMESITE="Lax",
+        MAX_CONTENT_LENGTH=MAX_BODY_BYTES,
+        MAX_FORM_MEMORY_SIZE=MAX_BODY_BYTES,
+        MAX_FORM_PARTS=MAX_FORM_PARTS,
+        TRUSTED_HOSTS=list(config.trusted_hosts) or None,
+    )
+
+
+def _serve(app: Flask, config: Config, announce: Callable[[str], None]) -> None:
+    try:
+        server = create_server(
+            app,
+            host=config.host,
+            port=config.port,
+            threads=NUM_THREADS,
+            ident=None,
+            max_request_body_size=_SERVER_MAX_BODY_BYTES,
+        )
+    except OSError as error:
+        raise ConfigError(f"cannot listen on {config.host} port {config.port}: {error.strerror}") from error
+    signal.signal(signal.SIGTERM, _stop)
+    host = f"[{config.host}]" if ":" in config.host else config.host
+    address = f"http://{host}:{server.effective_port}"
+    announce(f"Participants: {address}/")
+    announce(f"Dashboard:    {address}/researcher/")
+    if not config.https and config.host not in LOOPBACK:
+        announce("Without https, passwords and answers can be read on their way; see XAR_HTTPS.")
+    announce("Live: answers are data." if config.live else "Test run: answers are marked as a test.")
+    try:
+        server.run()
+    finally:
+        server.close()
+
+
+def _stop(_signal: int, _frame: FrameType | None) -> NoReturn:
+    """End the server's loop; answers that are being stored are finished first."""
+    sys.exit(0)
+
+
+class JsonFormatter(logging.Formatter):
+    """One JSON object per line; nothing about who asked is ever put in."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Write time (UTC), level, logger, message and, if there is one, the traceback."""
+        line = {
+            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "level": record.levelname,
+            "logger": record.name,
+            "message": record.getMessage(),
+        }
+        if record.exc_info:
+            line["traceback"] = self.formatException(record.exc_info)
+        return json.dumps(line, ensure_ascii=False)
+
+
+def _configure_logging() -> None:
+    handler = logging.StreamHandler()
+    handler.setFormatter(JsonFormatter())
+    logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
+    # A few waiting requests are no event.
+    logging.getLogger("waitress.queue").setLevel(logging.ERROR)

@@ -1,0 +1,1 @@
+"""Views for people: as pictures, and as words that state the same facts."""

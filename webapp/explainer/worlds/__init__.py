@@ -1,0 +1,1 @@
+"""Key-door worlds: read from ASCII maps, stepped as a Gymnasium environment, tabulated as a finite MDP."""

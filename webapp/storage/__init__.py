@@ -1,0 +1,1 @@
+"""What is kept: the database, the instance folder it lives in, and the rows that leave it. The only place with SQL."""

@@ -1,0 +1,32 @@
+"""Secrets that are computed instead of stored: each is an HMAC-SHA256 under the instance's secret key."""
+
+import hashlib
+import hmac
+
+
+def session_key(secret: bytes) -> str:
+    """Return the key with which Flask signs its own cookie."""
+    return _hmac(secret, "session")
+
+
+def participant_token(secret: bytes, consent_nonce: str) -> str:
+    """Return the 256-bit cookie token of whoever agrees on a welcome page.
+
+    It follows from the page's nonce, so that the same form sent twice enrols once; without the secret key the nonce
+    says nothing about it.
+    """
+    return _hmac(secret, "participant", consent_nonce)
+
+
+def page_nonce(secret: bytes, token_hash: str, number: int) -> str:
+    """Return the nonce of one page for one participant: 128 bits, in hexadecimal."""
+    return _hmac(secret, "page", token_hash, str(number))[:32]
+
+
+def same(one: str, other: str) -> bool:
+    """Compare two secrets in a time that does not depend on what they share."""
+    return hmac.compare_digest(one.encode(), other.encode())
+
+
+def _hmac(secret: bytes, purpose: str, *parts: str) -> str:
+    return hmac.new(secret, "|".join((purpose, *parts)).encode(), hashlib.sha256).hexdigest()
