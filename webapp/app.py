@@ -121,8 +121,9 @@ def _serve(app: Flask, config: Config, announce: Callable[[str], None]) -> None:
             ident=None,
             max_request_body_size=_SERVER_MAX_BODY_BYTES,
         )
-    except OSError as error:
-        raise ConfigError(f"cannot listen on {config.host} port {config.port}: {error.strerror}") from error
+    except (OSError, ValueError) as error:  # Waitress says with a ValueError that there is no such host.
+        reason = error.strerror if isinstance(error, OSError) else "there is no such address"
+        raise ConfigError(f"cannot listen on {config.host} port {config.port}: {reason}") from error
     signal.signal(signal.SIGTERM, _stop)
     host = f"[{config.host}]" if ":" in config.host else config.host
     address = f"http://{host}:{server.effective_port}"

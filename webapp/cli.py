@@ -69,7 +69,7 @@ def build(study: str | None) -> None:
 
     with _refusals(), _build_refusals():
         config = read_config(os.environ)
-        folder = find_study(study or config.study)
+        folder = find_study(config.study if study is None else study)
         prepare_instance(config.instance)
         with shown_progress(Console(stderr=True)) as progress:
             built = build_bundle(folder, config.instance, progress)
@@ -159,9 +159,9 @@ def export(folder: Path) -> None:
     default="exact",
     help="By solving, or by sampling with a standard error.",
 )
-@click.option("--random-steps", type=click.IntRange(min=0), default=10, metavar="R", help="How many random actions.")
+@click.option("--random-steps", type=click.IntRange(0, 1000), default=10, metavar="R", help="How many random actions.")
 @click.option(
-    "--trials", type=click.IntRange(min=1), default=1000, metavar="N", help="Rollouts per state when sampling."
+    "--trials", type=click.IntRange(1, 1_000_000), default=1000, metavar="N", help="Rollouts per state when sampling."
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, metavar="S", help="Of sampling and of training.")
 @click.option(
@@ -217,7 +217,7 @@ def _read_layout(path: Path) -> "Layout":
     from webapp.explainer.worlds.layout import parse_layout
 
     try:
-        return parse_layout(path.read_text(encoding="utf-8"), path.name)
+        return parse_layout(path.read_text(encoding="utf-8-sig"), path.name)
     except OSError as error:
         raise CommandError(f"{path} cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:

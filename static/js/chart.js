@@ -2,7 +2,6 @@
 
 const COLOURS = ["#4c63d2", "#d98a1f", "#1d9a83", "#b1508f", "#7a8190"];
 const LOWEST = 1;
-const HIGHEST = 5;
 
 /** Draw the means of one experiment, grouped by item, one bar per kind of explanation. */
 export function startChart(ratings) {
@@ -30,17 +29,17 @@ export function startChart(ratings) {
     maxBarThickness: 48,
     minBarLength: 3, // A mean of 1 stands on the axis; it is still a bar.
   }));
-  return new window.Chart(canvas, { type: "bar", data: { labels: items, datasets }, options: options(ink, line) });
+  return new window.Chart(canvas, { type: "bar", data: { labels: items, datasets }, options: options(ink, line, Number(ratings.dataset.highest)) });
 }
 
-function options(ink, line) {
+function options(ink, line, highest) {
   return {
     animation: false,
     maintainAspectRatio: false,
     font: { family: getComputedStyle(document.body).fontFamily, size: 13 },
     scales: {
       x: { grid: { display: false }, border: { color: line }, ticks: { color: ink } },
-      y: { min: LOWEST, max: HIGHEST, grid: { color: line }, border: { display: false }, ticks: { color: ink, stepSize: 1 } },
+      y: { min: LOWEST, max: highest, grid: { color: line }, border: { display: false }, ticks: { color: ink, stepSize: 1 } },
     },
     plugins: {
       legend: { position: "bottom", labels: { color: ink, usePointStyle: true, pointStyle: "rectRounded", padding: 16 } },

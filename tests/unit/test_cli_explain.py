@@ -122,6 +122,8 @@ def test_the_picture_says_how_it_was_sampled() -> None:
         (["--from-step", "21"], "there is no step 21; the path has steps 1 to 20"),
         (["--from-step", "0"], "'--from-step': 0 is not in the range"),
         (["--random-steps", "-1"], "'--random-steps': -1 is not in the range"),
+        (["--random-steps", "1001"], "'--random-steps': 1001 is not in the range 0<=x<=1000"),
+        (["--trials", "1000001"], "'--trials': 1000001 is not in the range"),
         (["--trials", "0"], "'--trials': 0 is not in the range"),
         (["--seed", "-1"], "'--seed': -1 is not in the range"),
         (["--random-steps", "many"], "'many' is not a valid integer"),
@@ -185,3 +187,9 @@ def test_the_exact_world_is_explained_within_two_seconds_and_without_torch() -> 
     assert finished.returncode == 0
     assert finished.stderr == "[]\n"
     assert len(json.loads(finished.stdout)["states"]) == 21
+
+
+def test_a_map_saved_with_a_byte_order_mark_is_read(tmp_path: Path) -> None:
+    layout = tmp_path / "saved-elsewhere.txt"
+    layout.write_text(SIMULATION.read_text(encoding="utf-8"), encoding="utf-8-sig")
+    assert explained(layout=layout) == explained()

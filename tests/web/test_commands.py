@@ -166,6 +166,17 @@ def test_a_generated_password_is_printed_once_and_opens_the_dashboard(instance: 
         connection.close()
 
 
+def test_a_host_that_does_not_exist_is_refused_in_one_line(instance: Path) -> None:
+    done = run(instance, "serve", "--host", "nosuch.invalid")
+    assert done.returncode == 2
+    assert done.stderr == "xar: cannot listen on nosuch.invalid port 8000: there is no such address\n"
+
+
+def test_an_empty_study_name_is_refused_and_builds_nothing(instance: Path) -> None:
+    done = run(instance, "build", "")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+
+
 def test_an_export_writes_both_files_and_overwrites_none(instance: Path, tmp_path: Path) -> None:
     missing = run(instance, "export", str(tmp_path / "data"))
     assert missing.returncode == 2

@@ -305,6 +305,20 @@ def test_a_participant_finishes_with_the_version_that_was_begun(
     assert ask(instance, "SELECT study_version FROM participants ORDER BY id") == [(old,), (new,)]
 
 
+def test_the_facts_are_those_of_the_version_that_was_begun(instance: Path, start_app: StartApp) -> None:
+    write_bundle(instance, read_study(facts=("goal", "key_and_door")))
+    visitor = Visitor(start_app(Config(instance)))
+    visitor.agree()
+    token = visitor.client.get_cookie("participant")
+    assert token is not None
+    write_bundle(instance, read_study(facts=("goal", "a_later_fact")))
+    later = Visitor(start_app(Config(instance)))
+    later.client.set_cookie("participant", token.value)
+    page = later.get("/study/1")
+    assert page.status_code == 200
+    assert "pick up the key" in page.text
+
+
 def test_when_the_begun_version_is_gone_the_participant_is_told(instance: Path, start_app: StartApp) -> None:
     old = write_bundle(instance, read_study())
     visitor = Visitor(start_app(Config(instance)))

@@ -2,6 +2,7 @@ import csv
 import io
 import re
 from collections import defaultdict
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -9,8 +10,10 @@ import pytest
 from flask import Flask
 from werkzeug.test import TestResponse
 
+from tests.web.bundles import read_study, write_bundle
 from tests.web.people import ITEMS, SAME_SITE, Clock, Visitor
 from tests.web.reading import ask, num_rows
+from webapp.config import Config
 from webapp.storage.exports import PARTICIPANTS_COLUMNS, RATINGS_COLUMNS
 from webapp.storage.researchers import create_researcher
 from webapp.views.services import services_of
@@ -202,3 +205,27 @@ def test_a_foreign_page_cannot_reveal(researcher: Visitor, instance: Path) -> No
     assert 'href="/researcher/"' in answer.text
     assert researcher.client.post("/researcher/reveal", headers=SAME_SITE).status_code == 303
     assert len(ask(instance, "SELECT 1 FROM audit_log WHERE action = 'revealed'")) == 1
+
+
+@pytest.mark.parametrize("points", [5, 7])
+def test_the_means_are_shown_on_the_scale_of_the_study_file(
+    points: int, instance: Path, start_app: Callable[[Config], Flask]
+) -> None:
+    experiments = tuple(
+        experiment.model_copy(
+            update={"items": tuple(item.model_copy(update={"points": points}) for item in experiment.items)}
+        )
+        for experiment in read_study().experiments
+    )
+    write_bundle(instance, read_study(experiments=experiments))
+    app = start_app(Config(instance))
+    person = Visitor(app)
+    person.agree()
+    person.walk()
+    researcher = Visitor(app)
+    create_researcher(services_of(app).database, NAME, PASSWORD, datetime(2031, 1, 1, tzinfo=UTC))
+    sign_in(researcher)
+    researcher.post("/researcher/reveal")
+    page = researcher.get("/researcher/").text
+    assert f"From 1 to {points}." in page
+    assert page.count(f'data-highest="{points}"') == 2

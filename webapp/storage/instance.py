@@ -40,14 +40,17 @@ def secret_key(folder: Path) -> bytes:
         32 bytes.
 
     Raises:
-        InstanceError: The key file is readable by others, or does not hold a key.
+        InstanceError: The key file cannot be read, is readable by others, or does not hold a key.
     """
     path = folder / "secret_key"
-    if not path.exists():
-        _write_key(path)
-    if path.stat().st_mode & 0o077:
-        raise InstanceError(f"{path} can be read by others; run `chmod 600 {path}`, or delete it to get a new key")
-    key = path.read_bytes()
+    try:
+        if not path.exists():
+            _write_key(path)
+        if path.stat().st_mode & 0o077:
+            raise InstanceError(f"{path} can be read by others; run `chmod 600 {path}`, or delete it to get a new key")
+        key = path.read_bytes()
+    except OSError as error:
+        raise InstanceError(f"{path} cannot be used: {error.strerror}") from error
     if len(key) != _KEY_BYTES:
         raise InstanceError(f"{path} holds {len(key)} bytes, not {_KEY_BYTES}; delete it to get a new key")
     return key
@@ -77,9 +80,13 @@ def only_server(folder: Path) -> Iterator[None]:
     The lock belongs to the process: it is free again when the process ends, however it ends.
 
     Raises:
-        InstanceError: Another server runs on this instance.
+        InstanceError: Another server runs on this instance, or the lock cannot be opened.
     """
-    descriptor = os.open(folder / "server.lock", os.O_RDWR | os.O_CREAT, 0o600)
+    path = folder / "server.lock"
+    try:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+    except OSError as error:
+        raise InstanceError(f"{path} cannot be used: {error.strerror}") from error
     try:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -81,6 +81,7 @@ class MeanRating:
         experiment: The experiment's id.
         kind: The kind of explanation.
         item: The item's id.
+        points: The highest answer of its scale; the lowest is 1.
         mean: The mean rating.
         sd: The standard deviation with n - 1; None for a single rating.
         n: The number of ratings, at least 1.
@@ -89,6 +90,7 @@ class MeanRating:
     experiment: str
     kind: str
     item: str
+    points: int
     mean: float
     sd: float | None
     n: int
@@ -225,7 +227,7 @@ def _ratings(connection: Connection, study: Study, counted: ColumnElement[bool])
     )
     found = {(experiment, kind, item): sums for experiment, kind, item, *sums in connection.execute(query)}
     return tuple(
-        MeanRating(experiment.id, kind, item.id, *_mean_and_sd(*found[experiment.id, kind, item.id]))
+        MeanRating(experiment.id, kind, item.id, item.points, *_mean_and_sd(*found[experiment.id, kind, item.id]))
         for experiment in study.experiments
         for kind in experiment.kinds
         for item in experiment.items

@@ -21,11 +21,10 @@ from sqlalchemy import (
     TypeDecorator,
 )
 
+from webapp.study.questionnaire import MAX_RESPONSE_TIME_MS
+
 MAX_POINTS = 11
 """The longest scale that a study file may declare."""
-
-MAX_RESPONSE_TIME_MS = 86_400_000
-"""A day; a longer time is no measurement."""
 
 NAMING_CONVENTION = {
     "ix": "ix_%(table_name)s_%(column_0_N_name)s",

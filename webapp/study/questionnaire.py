@@ -70,12 +70,6 @@ def parse_ratings(form: Mapping[str, str], items: Sequence[Item]) -> Ratings | t
     )
 
 
-def given_ratings(form: Mapping[str, str], items: Sequence[Item]) -> dict[str, int]:
-    """Return the valid ratings of a form, by item id, so that a page that comes back keeps them."""
-    values = {item.id: _rating(form, item) for item in items}
-    return {item: value for item, value in values.items() if isinstance(value, int)}
-
-
 def _rating(form: Mapping[str, str], item: Item) -> int | Literal["missing", "invalid"]:
     text = form.get(rating_field(item.id), "").strip()
     if not text:

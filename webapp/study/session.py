@@ -95,11 +95,6 @@ def pages(trials: Sequence[Trial]) -> tuple[Page, ...]:
     return tuple(Page(number, kind, trial) for number, (kind, trial) in enumerate(kinds, start=1))
 
 
-def current_page(all_pages: Sequence[Page], num_stored: int) -> Page | None:
-    """Return the page to be answered next, or None when all are answered."""
-    return all_pages[num_stored] if num_stored < len(all_pages) else None
-
-
 def decide(number: int, num_stored: int, num_pages: int) -> Decision:
     """Say what becomes of an answer to page `number` when the first `num_stored` pages are answered.
 

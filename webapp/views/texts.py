@@ -11,13 +11,12 @@ from webapp.views.services import services
 
 def language() -> str:
     """Return the language of the pages: the study's first."""
-    return services().bundles.current.study.languages[0]
+    return _catalogue().study.languages[0]
 
 
 def texts() -> Texts:
-    """Return the texts of the study version that the request is about: the visitor's, else the current one."""
-    catalogue: Catalogue = g.get("catalogue", services().bundles.current)
-    return catalogue.texts(catalogue.study.languages[0])
+    """Return the texts of the study version that the request is about."""
+    return _catalogue().texts(language())
 
 
 def init_texts(app: Flask) -> None:
@@ -25,12 +24,18 @@ def init_texts(app: Flask) -> None:
 
     @app.context_processor
     def _common() -> dict[str, Any]:
-        t, here = texts(), services()
+        t = texts()
         researcher = g.get("researcher")
         return {
             "t": t,
-            "study": here.bundles.current.study,
+            "study": _catalogue().study,
             "language": language(),
-            "banner": None if here.config.live else t("page.test_banner"),
+            "banner": None if services().config.live else t("page.test_banner"),
             "signed_in": None if researcher is None else researcher.name,
         }
+
+
+def _catalogue() -> Catalogue:
+    """Return the study version that the request is about: the visitor's, else the current one."""
+    catalogue: Catalogue = g.get("catalogue", services().bundles.current)
+    return catalogue

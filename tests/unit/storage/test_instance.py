@@ -73,6 +73,15 @@ def test_a_key_that_is_cut_short_is_refused(tmp_path: Path) -> None:
         secret_key(tmp_path)
 
 
+def test_a_key_or_a_lock_that_cannot_be_opened_is_told_in_words(tmp_path: Path) -> None:
+    (tmp_path / "secret_key").mkdir(mode=0o700)
+    (tmp_path / "server.lock").mkdir()
+    with pytest.raises(InstanceError, match=r"secret_key cannot be used: Is a directory"):
+        secret_key(tmp_path)
+    with pytest.raises(InstanceError, match=r"server\.lock cannot be used: Is a directory"), only_server(tmp_path):
+        pass
+
+
 def test_a_second_server_is_refused_until_the_first_one_is_gone(tmp_path: Path) -> None:
     command = [sys.executable, "-c", _HOLD, str(tmp_path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as first:

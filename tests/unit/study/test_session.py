@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from webapp.study.counterbalancing import arrangements
 from webapp.study.protocol import parse_study
-from webapp.study.session import NoSuchPageError, Page, Trial, current_page, decide, pages, plan_trials
+from webapp.study.session import NoSuchPageError, Page, Trial, decide, pages, plan_trials
 
 STUDY = parse_study((Path(__file__).parents[3] / "webapp/studies/sakai2021/study.toml").read_text(encoding="utf-8"))
 EVERY_PLAN = list(itertools.product(range(6), range(2)))
@@ -85,14 +85,6 @@ def test_only_the_next_page_is_accepted_and_every_other_is_told_apart(num_stored
 def test_a_page_that_does_not_exist_is_refused(number: int) -> None:
     with pytest.raises(NoSuchPageError, match=f"no page {number}"):
         decide(number, 3, 11)
-
-
-def test_the_current_page_is_the_first_that_is_not_stored() -> None:
-    shown = pages(plan(0, 0))
-    walked = [current_page(shown, num_stored) for num_stored in range(len(shown))]
-    assert walked == list(shown)
-    assert current_page(shown, len(shown)) is None
-    assert all(page and decide(page.number, page.number - 1, len(shown)) == "accept" for page in walked)
 
 
 @pytest.mark.parametrize(

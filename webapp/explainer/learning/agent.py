@@ -29,17 +29,18 @@ class RecurrentPredictor:
     def __init__(self, encoding: Encoding, weights: Weights) -> None:
         self._encoding = encoding
         num_inputs, num_units = weights["input.weight"].shape
-        self._rnn = torch.nn.RNN(num_inputs, num_units)
-        self._readout = torch.nn.Linear(num_units, encoding.num_outputs)
-        self._rnn.load_state_dict(
-            {
-                "weight_ih_l0": weights["input.weight"].T,
-                "weight_hh_l0": weights["hidden.weight"].T,
-                "bias_ih_l0": weights["hidden.bias"][0],
-                "bias_hh_l0": torch.zeros(num_units),
-            }
-        )
-        self._readout.load_state_dict({"weight": weights["readout.weight"].T, "bias": weights["readout.bias"][0]})
+        # On the device "meta" no first weights are drawn from torch's global source, only to be thrown away.
+        self._rnn = torch.nn.RNN(num_inputs, num_units, device="meta")
+        self._readout = torch.nn.Linear(num_units, encoding.num_outputs, device="meta")
+        recurrent = {
+            "weight_ih_l0": weights["input.weight"].T.contiguous(),
+            "weight_hh_l0": weights["hidden.weight"].T.contiguous(),
+            "bias_ih_l0": weights["hidden.bias"][0],
+            "bias_hh_l0": torch.zeros(num_units),
+        }
+        readout = {"weight": weights["readout.weight"].T.contiguous(), "bias": weights["readout.bias"][0]}
+        self._rnn.load_state_dict(recurrent, assign=True)
+        self._readout.load_state_dict(readout, assign=True)
 
     def initial(self, batch: int) -> torch.Tensor:
         """Return the zero hidden state `[batch, units]`."""

@@ -17,7 +17,6 @@ from webapp.explainer.worlds.key_door import tabulate
 from webapp.explainer.worlds.layout import Layout
 
 NetworkName = Literal["policy", "model"]
-_NETWORKS: tuple[NetworkName, ...] = ("policy", "model")
 
 
 class Apprentice:
@@ -37,8 +36,11 @@ class Apprentice:
         self._replay = Replay(num_pairs, settings)
         self._explorer = Explorer(layout, common, self._replay, settings, self.rng("exploration"))
         self._draws = self.rng("replay")
-        self._priorities = {name: Priorities(num_pairs) for name in _NETWORKS}
-        self._losses: dict[NetworkName, list[float]] = {name: [] for name in _NETWORKS}
+        self._priorities: dict[NetworkName, Priorities] = {
+            "policy": Priorities(num_pairs, settings.policy_priority_exponent),
+            "model": Priorities(num_pairs, settings.model_priority_exponent),
+        }
+        self._losses: dict[NetworkName, list[float]] = {"policy": [], "model": []}
         self._lotteries: dict[NetworkName, Lottery] = {}
 
     @property
@@ -73,7 +75,7 @@ class Apprentice:
         Their evenness `[B + N]` is that of the first transition of each.
         """
         num_sequences = self._settings.num_sequences
-        count = num_sequences + self._settings.num_single_queries
+        count = num_sequences + self._settings.num_single_queries + self._settings.num_borrowed_queries
         places = self._lotteries["model"].draw(count, self._draws)
         steps = np.arange(self._settings.sequence_length)[:, None]
         rows, environments = places.rows[:num_sequences] + steps, places.environments[:num_sequences] + 0 * steps
@@ -81,7 +83,7 @@ class Apprentice:
         return self._replay.at(rows, environments), singles, places.evenness
 
     def note(self, network: NetworkName, pairs: Codes, losses: NDArray[np.float32]) -> None:
-        """Remember the losses `[N]` of one update on pairs `[N]`, each from a zero hidden state, as priorities."""
+        """Remember the losses `[N]` of one update on pairs `[N]` as priorities."""
         self._priorities[network].update(pairs, losses)
 
     def close_iteration(self, policy_loss: float, model_loss: float) -> None:

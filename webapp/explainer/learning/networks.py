@@ -51,30 +51,40 @@ def action_values(weights: Weights, observations: torch.Tensor) -> torch.Tensor:
 
 
 def unroll(
-    weights: Weights, sequences: torch.Tensor, keep: torch.Tensor, singles: torch.Tensor
+    weights: Weights, sequences: torch.Tensor, keep: torch.Tensor, singles: torch.Tensor, num_borrowed: int
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Run the world models over sequences and over single queries, all from a zero hidden state.
+    """Run the world models over sequences and over single queries.
+
+    Sequences begin with a zero hidden state, and so do single queries but for the last `num_borrowed`: those begin
+    with hidden states that the sequences have just reached in other places. Whatever is carried along, the next
+    observation follows from this one and the action.
 
     Args:
         weights: Of the world models.
         sequences: `[A, L, B, num_inputs + 5]` one-hot observations and actions.
         keep: `[A, L, B, 1]`, 0 where an episode begins and the hidden state is set back to zero, else 1.
         singles: `[A, N, num_inputs + 5]`.
+        num_borrowed: At most `N` and `L * B`. The latest steps lend first; no gradient flows back into them.
 
     Returns:
         The logits `[A, L * B, num_outputs]` of the sequences, step by step, and `[A, N, num_outputs]` of the singles.
     """
     num_agents, length, num_sequences, _ = sequences.shape
+    num_steps = length * num_sequences
     inputs = torch.cat((sequences.flatten(1, 2), singles), dim=1)
     drive = torch.baddbmm(weights["hidden.bias"], inputs, weights["input.weight"])
-    steps = drive[:, : length * num_sequences].view(num_agents, length, num_sequences, -1)
+    steps = drive[:, :num_steps].view(num_agents, length, num_sequences, -1)
     hidden = [torch.tanh(steps[:, 0])]
     for step in range(1, length):
         carried = hidden[-1] * keep[:, step]
         hidden.append(torch.tanh(torch.baddbmm(steps[:, step], carried, weights["hidden.weight"])))
-    reached = torch.cat((*hidden, torch.tanh(drive[:, length * num_sequences :])), dim=1)
-    logits = torch.baddbmm(weights["readout.bias"], reached, weights["readout.weight"])
-    return logits[:, : length * num_sequences], logits[:, length * num_sequences :]
+    reached = torch.cat(hidden, dim=1)
+    borrows = drive.shape[1] - num_borrowed
+    borrowed = reached[:, num_steps - num_borrowed :].detach()
+    borrowing = torch.baddbmm(drive[:, borrows:], borrowed, weights["hidden.weight"])
+    everything = torch.cat((reached, torch.tanh(drive[:, num_steps:borrows]), torch.tanh(borrowing)), dim=1)
+    logits = torch.baddbmm(weights["readout.bias"], everything, weights["readout.weight"])
+    return logits[:, :num_steps], logits[:, num_steps:]
 
 
 def stack(weights: Sequence[Weights], own: Sequence[Encoding], common: Encoding) -> Weights:

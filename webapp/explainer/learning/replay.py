@@ -34,18 +34,19 @@ class Experience:
 
 
 class Priorities:
-    """How much each network needs each state-action pair: its last loss on it, relative to the batch's mean."""
+    """How much a network needs each state-action pair: a power of its last loss on it, relative to the batch's mean."""
 
-    def __init__(self, num_pairs: int) -> None:
+    def __init__(self, num_pairs: int, exponent: float) -> None:
         self._relative = np.ones(num_pairs)
+        self._exponent = exponent
 
     def update(self, pairs: Codes, losses: NDArray[np.float32]) -> None:
         """Note the losses `[N]` of pairs `[N]` that were replayed together."""
         self._relative[pairs] = losses / max(float(losses.mean()), _SMALLEST_MEAN)
 
-    def weights(self, pairs: Codes, exponent: float) -> NDArray[np.float64]:
+    def weights(self, pairs: Codes) -> NDArray[np.float64]:
         """Return positive weights in the shape of the pairs."""
-        weights: NDArray[np.float64] = (self._relative[pairs] + _SMALLEST_PRIORITY) ** exponent
+        weights: NDArray[np.float64] = (self._relative[pairs] + _SMALLEST_PRIORITY) ** self._exponent
         return weights
 
 
@@ -101,7 +102,7 @@ class Replay:
         """
         pairs = self._memory.pairs[: self._num_rows - length + 1]
         even = 1 / self._counts[pairs]
-        urgent = even * priorities.weights(pairs, self._settings.priority_exponent)
+        urgent = even * priorities.weights(pairs)
         share = self._settings.even_share
         weights = share * even / even.sum() + (1 - share) * urgent / urgent.sum()
         return Lottery(np.cumsum(weights), even / even.sum() / weights)

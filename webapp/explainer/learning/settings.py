@@ -33,12 +33,15 @@ class TrainingSettings:
         num_sequences: Sequences per update of the world model, each of them from a zero hidden state.
         sequence_length: Transitions per sequence (truncated backpropagation through time).
         num_single_queries: Single transitions per update of the world model, each from a zero hidden state.
+        num_borrowed_queries: Single transitions per update of the world model, each from a hidden state that one of
+            the sequences has just reached elsewhere.
         model_learning_rate: Adam's step size for the world model.
         recurrent_scale: The size of the first recurrent weights, as a share of torch's default.
         max_gradient_norm: Gradients are scaled down to this norm, for each agent and network by itself.
         even_share: The share of replayed transitions drawn evenly over the state-action pairs that were met; the rest
-            are drawn by `priority_exponent`.
-        priority_exponent: Pairs are replayed in proportion to this power of their last loss.
+            are drawn by priority.
+        policy_priority_exponent: The DQN replays pairs in proportion to this power of their last loss.
+        model_priority_exponent: The same for the world model.
         refresh_iterations: The replay's weights are brought up to date every so many iterations.
         cycle_iterations: Iterations per cycle of learning rates.
         num_cycles: The budget.
@@ -71,11 +74,13 @@ class TrainingSettings:
     num_sequences: int = 16
     sequence_length: int = 8
     num_single_queries: int = 128
+    num_borrowed_queries: int = 96
     model_learning_rate: float = 6e-3
     recurrent_scale: float = 0.2
     max_gradient_norm: float = 1.0
     even_share: float = 0.5
-    priority_exponent: float = 0.5
+    policy_priority_exponent: float = 0.5
+    model_priority_exponent: float = 0.5
     refresh_iterations: int = 10
     cycle_iterations: int = 1500
     num_cycles: int = 3
@@ -95,6 +100,8 @@ class TrainingSettings:
             raise ValueError(f"visited_start_share must be at most 0.5, not {self.visited_start_share}")
         if self.constant_share + self.final_share > 1:
             raise ValueError("constant_share and final_share must not exceed 1 together")
+        if self.num_borrowed_queries > self.num_sequences * self.sequence_length:
+            raise ValueError("num_borrowed_queries must be at most num_sequences * sequence_length")
         if self.sequence_length > self.num_warmup_steps:
             raise ValueError(f"sequence_length must be at most {self.num_warmup_steps}, num_warmup_steps")
 
@@ -117,7 +124,9 @@ class TrainingSettings:
 
 
 _LARGEST_VISITED_START_SHARE = 0.5
-_COUNTS_FROM_ZERO = frozenset({"num_exploring_environments", "priority_exponent"})
+_COUNTS_FROM_ZERO = frozenset(
+    {"num_borrowed_queries", "num_exploring_environments", "policy_priority_exponent", "model_priority_exponent"}
+)
 _SHARES = frozenset(
     {
         "most_exploration",

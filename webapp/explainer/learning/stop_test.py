@@ -52,8 +52,9 @@ def judge(networks: AgentNetworks, table: DeterministicMDP) -> Verdict:
     live = np.flatnonzero(~table.terminal)
     policy = networks.policy(table)
     arrives = policy_forest(table, policy).arrives
+    is_shortest = bool(arrives[table.start]) and _num_steps(table, policy) == distances_to_goal(table)[table.start]
     return Verdict(
-        is_optimal=bool(arrives[table.start]) and _num_steps(table, policy) == distances_to_goal(table)[table.start],
+        is_optimal=bool(is_shortest),
         num_lost=int((~arrives[live]).sum()),
         num_states=len(live),
         num_wrong=int(_is_wrong(networks, table, live).sum()),

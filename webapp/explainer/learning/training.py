@@ -156,7 +156,7 @@ class _Run:
         """Take the stop test; whoever passes it leaves the stack."""
         remaining = []
         for place, (index, agent) in enumerate(list(self._learning.items())):
-            networks = self._networks(place) if agent.has_flattened else None
+            networks = self._networks(place, agent) if agent.has_flattened else None
             if networks is not None and agent.judge(networks).is_right:
                 self._passed[index] = self._learning.pop(index).graduate(networks)
             else:
@@ -170,12 +170,11 @@ class _Run:
         complaints = []
         for place, (index, agent) in enumerate(self._learning.items()):
             flat = () if agent.has_flattened else ("its losses have not flattened",)
-            missing = (*agent.judge(self._networks(place)).missing, *flat)
+            missing = (*agent.judge(self._networks(place, agent)).missing, *flat)
             complaints.append(f"agent {index + 1} of {len(self._learning) + len(self._passed)}: {'; '.join(missing)}")
         return f"after {self._settings.max_iterations} iterations, " + " | ".join(complaints)
 
-    def _networks(self, place: int) -> AgentNetworks:
-        agent = list(self._learning.values())[place]
+    def _networks(self, place: int, agent: Apprentice) -> AgentNetworks:
         stacks = (self._policy.weights, self._model.weights)
         return agent.networks(*(unstack(weights, place, agent.encoding, self._common) for weights in stacks))
 
@@ -218,6 +217,7 @@ class _Run:
             inputs[torch.from_numpy(sequences.pairs)],
             keep,
             inputs[torch.from_numpy(singles.pairs)],
+            self._settings.num_borrowed_queries,
         )
         of_sequences = self._cross_entropy(logits[0], _flat(sequences)).view(sequences.pairs.shape)
         of_singles = self._cross_entropy(logits[1], singles)

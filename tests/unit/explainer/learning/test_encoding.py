@@ -14,7 +14,7 @@ def test_every_state_has_its_own_code_and_the_code_tells_the_state() -> None:
 def test_an_observation_has_one_1_for_each_component_in_its_place() -> None:
     encoding = Encoding(3, 2)
     observed = encoding.observe(torch.tensor([[2, 0, 3, 0, 1]]))[0].tolist()
-    assert observed == [0, 0, 1] + [1, 0] + [0, 0, 0, 1] + [1, 0] + [0, 1]
+    assert observed == [*[0, 0, 1], *[1, 0], *[0, 0, 0, 1], *[1, 0], *[0, 1]]
 
 
 def test_a_pair_is_the_observation_followed_by_the_action() -> None:

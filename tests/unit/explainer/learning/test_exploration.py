@@ -43,8 +43,8 @@ def state_of(code: int) -> KeyDoorState:
 
 def test_what_is_remembered_is_what_the_rules_of_the_world_say(explored: tuple[Explorer, Experience]) -> None:
     _, seen = explored
-    known = zip(seen.pairs.flat, seen.next_codes.flat, seen.rewards.flat, seen.terminated.flat, strict=True)
-    for pair, after, reward, terminated in known:
+    columns = (seen.pairs, seen.next_codes, seen.rewards, seen.terminated)
+    for pair, after, reward, terminated in zip(*(column.ravel().tolist() for column in columns), strict=True):
         expected, ends = step(LAYOUT, state_of(pair // NUM_ACTIONS), pair % NUM_ACTIONS)
         assert (state_of(after), terminated, reward) == (expected, ends, float(ends))
 

@@ -55,18 +55,26 @@ def test_in_the_stack_each_agent_values_actions_as_it_would_alone() -> None:
         torch.testing.assert_close(together[agent], hidden @ weights["values.weight"] + weights["values.bias"])
 
 
-def torch_rnn(weights: Weights) -> torch.nn.RNN:
-    num_inputs, num_units = weights["input.weight"].shape
-    rnn = torch.nn.RNN(num_inputs, num_units)
-    rnn.load_state_dict(
-        {
-            "weight_ih_l0": weights["input.weight"].T,
-            "weight_hh_l0": weights["hidden.weight"].T,
-            "bias_ih_l0": weights["hidden.bias"][0],
-            "bias_hh_l0": torch.zeros(num_units),
-        }
-    )
-    return rnn
+class TorchModel:
+    """The same network, made of torch's own modules."""
+
+    def __init__(self, weights: Weights) -> None:
+        num_inputs, num_units = weights["input.weight"].shape
+        self._rnn = torch.nn.RNN(num_inputs, num_units)
+        self._weights = weights
+        self._rnn.load_state_dict(
+            {
+                "weight_ih_l0": weights["input.weight"].T,
+                "weight_hh_l0": weights["hidden.weight"].T,
+                "bias_ih_l0": weights["hidden.bias"][0],
+                "bias_hh_l0": torch.zeros(num_units),
+            }
+        )
+
+    def run(self, inputs: torch.Tensor, hidden: torch.Tensor | None = None) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the logits `[L, outputs]` of one sequence `[L, inputs]`, and the hidden state `[units]` at its end."""
+        states, last = self._rnn(inputs, None if hidden is None else hidden[None])
+        return states @ self._weights["readout.weight"] + self._weights["readout.bias"], last[0]
 
 
 def test_the_stacked_world_models_are_those_of_torch_and_forget_when_an_episode_begins() -> None:
@@ -75,14 +83,20 @@ def test_the_stacked_world_models_are_those_of_torch_and_forget_when_an_episode_
     singles = torch.randn(1, 4, COMMON.num_inputs + NUM_ACTIONS, generator=generator(1))
     keep = torch.ones(1, 5, 3, 1)
     keep[0, 2, 1] = 0.0
-    of_sequences, of_singles = unroll(stack([weights], [COMMON], COMMON), inputs, keep, singles)
-    rnn = torch_rnn(weights)
-    readout = lambda hidden: hidden @ weights["readout.weight"] + weights["readout.bias"]
-    logits = of_sequences.view(5, 3, -1)
-    torch.testing.assert_close(logits[:, [0, 2]], readout(rnn(inputs[0][:, [0, 2]])[0]))
-    torch.testing.assert_close(logits[:2, 1], readout(rnn(inputs[0][:2, 1])[0]))
-    torch.testing.assert_close(logits[2:, 1], readout(rnn(inputs[0][2:, 1])[0]))
-    torch.testing.assert_close(of_singles[0], readout(rnn(singles)[0][0]))
+    of_sequences, of_singles = unroll(stack([weights], [COMMON], COMMON), inputs, keep, singles, 3)
+    model, logits = TorchModel(weights), of_sequences.view(5, 3, -1)
+    last = []
+    for sequence, begins in ((0, [0]), (1, [0, 2]), (2, [0])):
+        for begin, end in zip(begins, [*begins[1:], 5], strict=True):
+            expected, hidden = model.run(inputs[0, begin:end, sequence])
+            torch.testing.assert_close(logits[begin:end, sequence], expected)
+        last.append(hidden)
+    torch.testing.assert_close(of_singles[0, :1], model.run(singles[0, :1])[0])
+    # The last three single queries begin where the three sequences have ended.
+    for query, hidden in enumerate(last, start=1):
+        torch.testing.assert_close(
+            of_singles[0, query : query + 1], model.run(singles[0, query : query + 1], hidden)[0]
+        )
 
 
 def test_the_mask_leaves_each_agent_the_outputs_of_its_own_map() -> None:
@@ -103,8 +117,8 @@ def test_padding_is_never_trained() -> None:
     for _ in range(3):
         singles = inputs.expand(3, 2, -1)
         sequences = singles[:, None].expand(3, 4, 2, -1)
-        logits, _ = unroll(stacked, sequences, torch.ones(3, 4, 2, 1), singles)
-        (-torch.log_softmax((logits + mask)[..., COMMON.groups[0]], dim=2)[..., 2].sum()).backward()
+        logits, _ = unroll(stacked, sequences, torch.ones(3, 4, 2, 1), singles, 0)
+        torch.autograd.backward(-torch.log_softmax((logits + mask)[..., COMMON.groups[0]], dim=2)[..., 2].sum())
         adam.step(0.1)
     narrow = Encoding(4, 6)
     inside = torch.zeros(COMMON.num_outputs, dtype=torch.bool)
@@ -125,11 +139,11 @@ def test_the_stacked_optimizer_is_adam_with_gradients_clipped_for_each_agent_by_
         own = {name: tensor.detach()[agent : agent + 1].clone().requires_grad_() for name, tensor in stacked.items()}
         alone.append((own, torch.optim.Adam(own.values(), lr=0.01)))
     for _ in range(4):
-        (action_values(stacked, observations) * scale).square().sum().backward()
+        torch.autograd.backward((action_values(stacked, observations) * scale).square().sum())
         adam.step(0.01)
         for agent, (own, optimizer) in enumerate(alone):
             optimizer.zero_grad()
-            (action_values(own, observations[agent : agent + 1]) * scale[agent]).square().sum().backward()
+            torch.autograd.backward((action_values(own, observations[agent : agent + 1]) * scale[agent]).square().sum())
             torch.nn.utils.clip_grad_norm_(own.values(), 0.5)
             optimizer.step()
     for agent, (own, _) in enumerate(alone):
@@ -141,7 +155,7 @@ def test_those_that_stay_in_the_stack_learn_on_as_if_nobody_had_left() -> None:
     observations = torch.randn(3, 8, COMMON.num_inputs, generator=generator())
 
     def learn(adam: StackedAdam, agents: list[int]) -> None:
-        action_values(adam.weights, observations[agents]).square().sum().backward()
+        torch.autograd.backward(action_values(adam.weights, observations[agents]).square().sum())
         adam.step(0.01)
 
     everybody = StackedAdam(stack(policies(), OWN, COMMON), 1.0)

@@ -1,4 +1,5 @@
 import json
+from itertools import pairwise
 
 import pytest
 
@@ -19,7 +20,8 @@ def test_settings_come_with_defaults_that_fit_together_and_can_be_written_down()
         ("policy_learning_rate", float("nan")),
         ("discount", 1.5),
         ("visited_start_share", 0.6),
-        ("num_exploring_environments", 17),
+        ("num_exploring_environments", 25),
+        ("num_borrowed_queries", 129),
         ("sequence_length", 10_000),
         ("constant_share", 0.95),
     ],
@@ -42,7 +44,7 @@ def test_the_learning_rate_is_constant_then_falls_then_is_small_and_starts_anew(
     shares = [settings.rate_share(iteration) for iteration in range(settings.max_iterations)]
     assert shares[100:] == shares[:100]
     assert set(shares[:26]) == {1.0}
-    assert all(earlier > later for earlier, later in zip(shares[25:75], shares[26:76], strict=True))
+    assert all(earlier > later for earlier, later in pairwise(shares[25:76]))
     assert shares[50] == pytest.approx(0.55)
     assert shares[75:100] == pytest.approx([0.1] * 25)
 

@@ -16,18 +16,15 @@ from webapp.explainer.worlds.layout import Layout, LayoutError
 
 LAYOUTS = (lay_out("#######", "#>KD.G#", "#######"), lay_out("#####", "#.<##", "#KD.#", "###G#", "#####"))
 SETTINGS = TrainingSettings(
-    num_environments=4,
-    num_exploring_environments=2,
-    max_episode_steps=60,
+    num_environments=8,
+    num_exploring_environments=4,
     num_warmup_steps=150,
-    policy_units=32,
-    policy_batch=64,
-    model_units=48,
-    num_sequences=8,
-    num_single_queries=48,
-    cycle_iterations=500,
-    window_iterations=40,
-    checkpoint_iterations=10,
+    policy_batch=128,
+    num_single_queries=96,
+    model_learning_rate=8e-3,
+    cycle_iterations=700,
+    window_iterations=60,
+    checkpoint_iterations=20,
 )
 HOPELESS = replace(SETTINGS, cycle_iterations=5, num_cycles=1)
 
@@ -123,8 +120,8 @@ def test_agents_say_how_they_were_trained(agents: tuple[TrainedAgent, ...]) -> N
         assert agent.num_iterations % SETTINGS.checkpoint_iterations == 0
         assert 0 < agent.policy_loss < 0.01
         assert 0 < agent.model_loss < 0.1
-    policy = (5 + 5 + 8 + 1) * 32 + (32 + 1) * 32 + (32 + 1) * 5
-    model = (5 + 5 + 8 + 5 + 1) * 48 + 48 * 48 + (48 + 1) * (5 + 5 + 8 + 2)
+    policy = (5 + 5 + 8 + 1) * 64 + (64 + 1) * 64 + (64 + 1) * 5
+    model = (5 + 5 + 8 + 5 + 1) * 96 + 96 * 96 + (96 + 1) * (5 + 5 + 8 + 2)
     assert agents[1].num_parameters == policy + model
 
 
