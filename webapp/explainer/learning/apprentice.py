@@ -35,7 +35,10 @@ class Apprentice:
         num_pairs = common.num_codes * NUM_ACTIONS
         self._replay = Replay(num_pairs, settings)
         self._explorer = Explorer(layout, common, self._replay, settings, self.rng("exploration"))
-        self._draws = self.rng("replay")
+        self._draws: dict[NetworkName, np.random.Generator] = {
+            "policy": self.rng("replay for the policy"),
+            "model": self.rng("replay for the model"),
+        }
         self._priorities: dict[NetworkName, Priorities] = {
             "policy": Priorities(num_pairs, settings.policy_priority_exponent),
             "model": Priorities(num_pairs, settings.model_priority_exponent),
@@ -66,7 +69,7 @@ class Apprentice:
 
     def transitions(self) -> tuple[Experience, NDArray[np.float64]]:
         """Draw the transitions `[B]` of one update of the DQN; their evenness `[B]` is that of `Lottery`."""
-        places = self._lotteries["policy"].draw(self._settings.policy_batch, self._draws)
+        places = self._lotteries["policy"].draw(self._settings.policy_batch, self._draws["policy"])
         return self._replay.at(places.rows, places.environments), places.evenness
 
     def sequences(self) -> tuple[Experience, Experience, NDArray[np.float64]]:
@@ -76,7 +79,7 @@ class Apprentice:
         """
         num_sequences = self._settings.num_sequences
         count = num_sequences + self._settings.num_single_queries + self._settings.num_borrowed_queries
-        places = self._lotteries["model"].draw(count, self._draws)
+        places = self._lotteries["model"].draw(count, self._draws["model"])
         steps = np.arange(self._settings.sequence_length)[:, None]
         rows, environments = places.rows[:num_sequences] + steps, places.environments[:num_sequences] + 0 * steps
         singles = self._replay.at(places.rows[num_sequences:], places.environments[num_sequences:])

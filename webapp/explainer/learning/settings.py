@@ -56,14 +56,14 @@ class TrainingSettings:
         ValueError: A setting is outside its range; the message names it.
     """
 
-    num_environments: int = 16
-    num_exploring_environments: int = 8
+    num_environments: int = 24
+    num_exploring_environments: int = 16
     most_exploration: float = 0.5
     least_exploration: float = 0.1
-    least_tried_share: float = 0.5
+    least_tried_share: float = 0.8
     visited_start_share: float = 0.5
     max_episode_steps: int = 100
-    num_warmup_steps: int = 500
+    num_warmup_steps: int = 700
     discount: float = 0.9
     policy_units: int = 64
     policy_batch: int = 256
@@ -80,14 +80,14 @@ class TrainingSettings:
     max_gradient_norm: float = 1.0
     even_share: float = 0.5
     policy_priority_exponent: float = 0.5
-    model_priority_exponent: float = 0.5
+    model_priority_exponent: float = 1.0
     refresh_iterations: int = 10
-    cycle_iterations: int = 1500
+    cycle_iterations: int = 1600
     num_cycles: int = 3
     constant_share: float = 0.4
-    final_share: float = 0.2
-    final_rate_share: float = 0.001
-    window_iterations: int = 100
+    final_share: float = 0.3
+    final_rate_share: float = 0.0001
+    window_iterations: int = 150
     max_relative_change: float = 0.01
     checkpoint_iterations: int = 25
 

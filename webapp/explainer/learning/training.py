@@ -65,8 +65,8 @@ def train(
     """Train one agent per map, all in one stack on one thread.
 
     Every agent is frozen at the first checkpoint at which it passes the stop test, and then leaves the stack. The
-    same maps, settings and seeds give the same bytes on the same type of processor and build of torch; who else is in
-    the stack changes no more of an agent than the last bits of its arithmetic.
+    same maps, settings and seeds give the same bytes on the same type of processor and build of torch. Who else is in
+    the stack changes the last bits of an agent's arithmetic, which training amplifies: it ends with other weights.
 
     Args:
         layouts: The maps.

@@ -20,6 +20,7 @@ SETTINGS = TrainingSettings(
     num_warmup_steps=NUM_STEPS,
     cycle_iterations=1,
     max_episode_steps=30,
+    least_tried_share=0.5,
 )
 
 
