@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from webapp.explainer.worlds.layout import Layout, parse_layout
 from webapp.stimuli.agents import planner_agents
@@ -16,6 +17,12 @@ from webapp.stimuli.build import build
 from webapp.stimuli.catalogue import Catalogue, current_bundle
 
 os.environ["OMP_NUM_THREADS"] = "1"  # Several threads per worker would only get in each other's way.
+
+# A busy machine is no reason to fail, nor is it that many random worlds have no way to the goal and are drawn anew.
+settings.register_profile(
+    "patient", deadline=None, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow]
+)
+settings.load_profile("patient")
 
 ROOT = Path(__file__).resolve().parent.parent
 XAR = Path(sys.executable).with_name("xar")

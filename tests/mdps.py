@@ -7,9 +7,11 @@ from collections.abc import Callable, Hashable, Iterator
 from fractions import Fraction
 
 import numpy as np
+from hypothesis import assume, reject
 from hypothesis import strategies as st
 
 from webapp.explainer.mdp import DeterministicMDP
+from webapp.explainer.solvers import NeverArrives, Trajectory, follow, plan
 
 State = Hashable
 Step = Callable[[State, int], tuple[State, bool]]
@@ -66,6 +68,21 @@ class Oracle:
             chances.append(sum(reached, Fraction(0)))
         return chances[0] - chances[1]
 
+    def reward_importance(self, featured: State, discount: Fraction) -> Fraction:
+        others = [action for action in self._actions if action != self.policy[featured]]
+        denied = [self._earned(featured, self.policy | {featured: action}, discount) for action in others]
+        return self._earned(featured, self.policy, discount) - max(denied, default=Fraction(0))
+
+    def _earned(self, state: State, policy: dict[State, int], discount: Fraction) -> Fraction:
+        """Walk until the goal pays 1, each action later by the discount less; a round earns nothing."""
+        seen: set[State] = set()
+        while state not in self._ended:
+            if state in seen:
+                return Fraction(0)
+            seen.add(state)
+            state, _ = self._step(state, policy[state])
+        return discount ** (len(seen) - 1) if state in self.goals else Fraction(0)
+
     def _random_ends(
         self, state: State, remaining: int, *, denied: bool, featured: State
     ) -> Iterator[tuple[Fraction, State]]:
@@ -117,3 +134,14 @@ def oracle_of(mdp: DeterministicMDP, policy: np.ndarray) -> Oracle:
     goals = {int(state) for state in np.flatnonzero(mdp.goal)}
     ended = {int(state) for state in np.flatnonzero(mdp.terminal)}
     return Oracle(step, mdp.num_actions, dict(enumerate(policy.tolist())), set(goals), set(ended))
+
+
+def planned_path(mdp: DeterministicMDP) -> tuple[np.ndarray, Trajectory]:
+    """Return the planner's policy and its path; a world where it does not arrive, or need not move, is not tried."""
+    policy = plan(mdp)
+    try:
+        path = follow(mdp, policy)
+    except NeverArrives:
+        reject()
+    assume(path.num_steps > 0)
+    return policy, path

@@ -2,9 +2,11 @@
 
 import { guardForms } from "./guard.js";
 import { startPlayer } from "./player.js";
+import { easeReturning } from "./returning.js";
 import { startTiming } from "./timing.js";
 
 guardForms(document);
+easeReturning(document);
 document.querySelectorAll("[data-player]").forEach((section) => startPlayer(section));
 document.querySelectorAll("form[data-timed]").forEach((form) => {
   startTiming(form, document.querySelectorAll("[data-explanation] img"));

@@ -92,6 +92,7 @@ def test_a_page_that_comes_back_with_errors_keeps_its_times_and_its_clock(arrive
     kept = time_of(participant, "likeliness")
     participant.button("explanation.send").click()
     participant.page.locator("[data-error-summary]").wait_for()
+    participant.page.wait_for_load_state()  # By then the scripts have run.
     assert times(participant) == {"likeliness": kept, "loveliness": "", "general": ""}
     participant.answer("general", 1)
     assert int(time_of(participant, "general")) > int(kept) >= 700

@@ -145,5 +145,5 @@ def test_whatever_is_sent_in_whatever_order_is_lost_doubled_or_changed_never(app
     machine = type("ParticipantsOfThisApp", (Participants,), {"app": app, "instance": instance})
     slow = [HealthCheck.too_slow, HealthCheck.data_too_large]
     run_state_machine_as_test(
-        machine, settings=settings(max_examples=10, stateful_step_count=40, deadline=None, suppress_health_check=slow)
+        machine, settings=settings(max_examples=10, stateful_step_count=40, suppress_health_check=slow)
     )

@@ -13,7 +13,7 @@ import pytest
 
 from tests.web.bundles import FILLED_IN, read_study, write_bundle
 from tests.web.reading import ask, num_rows
-from tests.web.servers import environment, run, serving
+from tests.web.servers import XAR, environment, run, serving
 
 _WORK = """
 import json, sys
@@ -143,6 +143,59 @@ def test_an_account_gets_the_password_that_is_typed_twice(instance: Path) -> Non
     again = run(instance, "admin", "create", "researcher", entered="correct horse battery\n" * 2)
     assert again.returncode == 2
     assert "xar: there is an account 'researcher' already\n" in again.stderr
+
+
+def test_a_password_is_typed_twice_at_a_terminal_and_not_shown(instance: Path) -> None:
+    terminal, end = os.openpty()
+    command = [*XAR, "admin", "create", "researcher"]
+    with subprocess.Popen(command, env=environment(instance), stdin=end, stdout=end, stderr=end) as process:
+        os.close(end)
+        screen = b""
+        for question in (b"Password: ", b"confirmation: "):
+            while not screen.endswith(question):
+                screen += os.read(terminal, 1000)
+            os.write(terminal, b"correct horse battery\n")
+        while b"is made" not in screen:
+            screen += os.read(terminal, 1000)
+        assert process.wait(60) == 0
+    os.close(terminal)
+    assert b"correct horse" not in screen
+    assert num_rows(instance, "researchers") == 1
+
+
+def test_a_bad_name_is_refused_before_a_password_is_asked_for(instance: Path) -> None:
+    for words in ((), ("--generate-password",), ("--if-missing",)):
+        refused = run(instance, "admin", "create", "", *words)
+        assert (refused.returncode, refused.stdout) == (2, "")
+        assert refused.stderr == "xar: '' cannot be a name; use 1 to 64 characters, no blanks at the ends\n"
+    assert not (instance / "xar.sqlite3").exists()
+
+
+def test_without_a_terminal_and_without_a_password_an_account_is_refused_in_one_line(instance: Path) -> None:
+    closed = subprocess.run(
+        ["/bin/sh", "-c", 'exec "$@" <&-', "sh", *XAR, "admin", "create", "researcher"],
+        env=environment(instance),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    for refused in (closed, run(instance, "admin", "create", "researcher"), create_with("\n\n", instance)):
+        assert (refused.returncode, refused.stdout) == (2, "")
+        assert refused.stderr == "xar: there is no terminal to type a password at; use --generate-password\n"
+    assert num_rows(instance, "researchers") == 0
+
+
+def test_a_password_that_is_piped_in_need_not_be_repeated_but_must_not_change(instance: Path) -> None:
+    refused = create_with("correct horse battery\ncorrect horse bakery\n", instance)
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert refused.stderr == "xar: the lines of standard input differ; give one password, once or twice\n"
+    made = create_with("correct horse battery\n", instance)
+    assert (made.returncode, made.stdout, made.stderr) == (0, "The account 'researcher' is made.\n", "")
+
+
+def create_with(entered: str, instance: Path) -> subprocess.CompletedProcess[str]:
+    return run(instance, "admin", "create", "researcher", entered=entered)
 
 
 def test_a_password_that_is_too_short_is_refused(instance: Path) -> None:

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, cast
 
 from webapp.explainer.importance import Importance
 from webapp.explainer.key_points import key_point_steps
 from webapp.explainer.mdp import DeterministicMDP, Policy
 from webapp.explainer.solvers import Trajectory, check_step, follow
-from webapp.explainer.subgoals import importance_threshold, subgoal_steps
+from webapp.explainer.stochastic import AnyPolicy, World
+from webapp.explainer.subgoals import ThresholdRule, importance_threshold, subgoal_steps
 
 Assess = Callable[[Trajectory], Importance]
 """A way of finding the importance of a path's states, such as an exact solver with all but the path filled in."""
@@ -19,7 +20,7 @@ EXPLANATION_KINDS: tuple[ExplanationKind, ...] = ("full", "subgoals", "random", 
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """What is known about a path, and what of it answers a question.
+    r"""What is known about a path, and what of it answers a question.
 
     Attributes:
         path: The agent's path to the goal.
@@ -28,6 +29,19 @@ class Explanation:
         route: The questioner's action indices, or None when nobody has asked.
         from_step: The step at which the question is asked.
         key_points: The subgoals that the route misses; empty when nobody has asked.
+        rule: How the threshold was found.
+        num_subgoals: k of the rule that needs it, else None.
+
+    Example:
+        >>> from webapp.explainer import exact_importance, explain, follow, parse_layout, plan_world, tabulate
+        >>> world = tabulate(parse_layout("#######\n#K<.DG#\n#######"))
+        >>> policy = plan_world(world)
+        >>> path = follow(world, policy)
+        >>> assess = lambda path: exact_importance("return_probability", world, policy, path, 2)
+        >>> route = [world.actions.index(name) for name in ("left", "left", "forward")]
+        >>> found = explain(world, policy, assess, route)
+        >>> found.subgoals, found.key_points, found.explanation_step, round(found.threshold, 3)
+        ((1, 7), (1, 7), 1, 0.24)
     """
 
     path: Trajectory
@@ -36,11 +50,13 @@ class Explanation:
     route: tuple[int, ...] | None
     from_step: int
     key_points: tuple[int, ...]
+    rule: ThresholdRule = "mean"
+    num_subgoals: int | None = None
 
     @property
     def threshold(self) -> float:
-        """The mean importance of all T + 1 states, the target's 0 included."""
-        return importance_threshold(self.importance.values)
+        """The level that separates subgoals from the rest; the paper's is the mean, the target's 0 included."""
+        return importance_threshold(self.importance.values, self.rule, self.num_subgoals)
 
     @property
     def explanation_step(self) -> int | None:
@@ -49,28 +65,60 @@ class Explanation:
 
 
 def explain(
-    mdp: DeterministicMDP, policy: Policy, assess: Assess, route: Sequence[int] | None = None, from_step: int = 1
+    world: World,
+    policy: AnyPolicy,
+    assess: Assess,
+    route: Sequence[int] | None = None,
+    from_step: int = 1,
+    *,
+    path: Trajectory | None = None,
+    rule: ThresholdRule = "mean",
+    num_subgoals: int | None = None,
 ) -> Explanation:
-    """Explain the policy's path from the world's start.
+    r"""Explain a policy's way from the world's start to the goal.
 
     Args:
-        mdp: The world in which the path and the route are rolled out.
-        policy: `[S]`.
+        world: The world. A route is rolled out in it, each action with its most probable outcome.
+        policy: `[S]` actions or `[S, A]` probabilities.
         assess: Computes the importance of the path's states.
         route: The questioner's action indices from the state of `from_step`, if somebody asks.
         from_step: The step at which they ask, from 1 to T.
+        path: The way that is explained. Where nothing is left to chance it may be left out: the policy has only one.
+        rule: How the threshold is found; the paper's is the mean.
+        num_subgoals: k of the rule that needs it.
 
     Raises:
         NeverArrives: The policy does not lead to the goal.
-        ValueError: There is no such step or action.
+        ValueError: There is no such step or action, or the path was left out although there is more than one.
+
+    Example:
+        >>> from webapp.explainer import exact_importance, explain, follow, parse_layout, plan_world, tabulate
+        >>> world = tabulate(parse_layout("#######\n#K<.DG#\n#######"))
+        >>> policy = plan_world(world)
+        >>> path = follow(world, policy)
+        >>> assess = lambda path: exact_importance("return_probability", world, policy, path, 2)
+        >>> explain(world, policy, assess).subgoals
+        (1, 7)
     """
-    path = follow(mdp, policy)
+    if path is None:
+        if not isinstance(world, DeterministicMDP) or policy.ndim != 1:
+            raise ValueError("where chance has a say, name the path that is to be explained")
+        path = follow(world, cast("Policy", policy))
     check_step(path, from_step)
     importance = assess(path)
-    subgoals = subgoal_steps(importance.values)
+    subgoals = subgoal_steps(importance.values, rule, num_subgoals)
     asked = None if route is None else tuple(route)
-    key_points = () if asked is None else key_point_steps(mdp, path, subgoals, asked, from_step)
-    return Explanation(path, importance, subgoals, asked, from_step, key_points)
+    key_points = () if asked is None else key_point_steps(certain(world), path, subgoals, asked, from_step)
+    return Explanation(path, importance, subgoals, asked, from_step, key_points, rule, num_subgoals)
+
+
+def certain(world: World) -> DeterministicMDP:
+    """Return the world in which each action has its most probable outcome: the one that routes are rolled out in."""
+    if isinstance(world, DeterministicMDP):
+        return world
+    from webapp.explainer.stochastic_planning import most_probable  # noqa: PLC0415 - loads SciPy.
+
+    return most_probable(world)
 
 
 @dataclass(frozen=True, slots=True)

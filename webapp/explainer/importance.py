@@ -1,59 +1,71 @@
-"""Importance of the states of a path (Sakai et al. 2021, section 4.2.1 and Algorithm 1).
+"""Importance of the states of a path (Sakai et al. 2021, sections 4.2.1 and 7.3): what it is, and its exact solvers.
 
 For a state `s_f` of the path: take `r` random actions from it, then follow the policy.
 
-`return_probability` is the probability that the policy leads back to `s_f`. `ace`, the average causal effect of being
-allowed to take the optimal action in `s_f`, is the probability of reaching the goal minus the same with that action
-forbidden in `s_f`, in both phases. The target's importance is 0 by definition.
+- `return_probability`: the probability that the policy leads back to `s_f`.
+- `ace`, the average causal effect of being allowed to take the optimal action in `s_f`: the probability of reaching
+  the goal, minus the same with that action forbidden in `s_f`, in both phases.
+- `reward_importance`: the expected discounted reward from `s_f`, minus the same with the optimal action forbidden in
+  `s_f`, where the other action that is worth most while the prohibition lasts is taken instead, at every visit. That
+  is the one with the policy's highest `Q(s_f, a)` wherever `s_f` is not met again. It has no random phase.
+
+The target's importance is 0 by definition. `sampling` estimates the first two instead.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from numbers import Integral
+from typing import Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from webapp.explainer.mdp import DeterministicMDP, Policy, StateAction
-from webapp.explainer.rollouts import States, arrivals, returns, walk_randomly
-from webapp.explainer.solvers import PolicyForest, Trajectory, policy_forest, random_phase
+from webapp.explainer import importance_deterministic
+from webapp.explainer.mdp import DeterministicMDP, Policy
+from webapp.explainer.shortest_paths import takes_shortest_paths
+from webapp.explainer.solvers import Trajectory
+from webapp.explainer.stochastic import AnyPolicy, World, action_probabilities
 
-if TYPE_CHECKING:
-    from webapp.explainer.batched_rollouts import RecurrentWorldModel, Walkers
-
-ImportanceKind = Literal["return_probability", "ace"]
-IMPORTANCE_KINDS: tuple[ImportanceKind, ...] = ("return_probability", "ace")
-
-Run = Callable[[NDArray[np.int64], list[StateAction]], NDArray[np.bool_]]
-"""Runs one rollout from each of `[N]` states, told the optimal action there, and says which `[N]` succeed."""
-
-_MAX_WALKERS = 10_000
-"""So many rollouts run at once; more are run in turns, so that their number costs time and not memory."""
+ProbabilityKind = Literal["return_probability", "ace"]
+ImportanceKind = Literal["return_probability", "ace", "reward_importance"]
+PROBABILITY_KINDS: tuple[ProbabilityKind, ...] = get_args(ProbabilityKind)
+"""Those that are chances or differences of chances, and can be estimated by rollouts."""
+IMPORTANCE_KINDS: tuple[ImportanceKind, ...] = get_args(ImportanceKind)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Importance:
-    """The importance of each state of a path, with the standard error that says how far to trust it.
+    """The importance of each state of a path, and how far to trust it.
 
     Attributes:
-        values: `[T + 1]` in [-1, 1]; the target's entry, the last, is 0. A probability is never below 0; an `ace` only
-            where the policy's own action keeps it from the goal.
+        values: `[T + 1]`, finite; the target's entry, the last, is 0. A return probability lies in [0, 1], an `ace` in
+            [-1, 1], below 0 only where the policy's own action keeps it from the goal.
         standard_errors: `[T + 1]`, 0 or larger, or None from an exact solver.
+        error_bound: How far an exact value may lie from the true one because of the linear systems behind it; 0 where
+            there was none. The rounding of the sums, some 1e-15 of the largest summand, is not in it.
 
     Raises:
-        ValueError: A value lies outside its range, or the shapes differ.
+        ValueError: A value is not as described, or the shapes differ.
+
+    Example:
+        >>> import numpy as np
+        >>> from webapp.explainer import Importance
+        >>> Importance(np.array([0.5, 0.25, 0.0])).error_bound
+        0.0
     """
 
     values: NDArray[np.float64]
-    standard_errors: NDArray[np.float64] | None
+    standard_errors: NDArray[np.float64] | None = None
+    error_bound: float = 0.0
 
     def __post_init__(self) -> None:
         if self.values.ndim != 1 or not len(self.values):
             raise ValueError(f"importance must have shape [T + 1], not {self.values.shape}")
-        if not np.all(np.abs(self.values) <= 1 + 1e-9):
-            raise ValueError(f"importance must lie between -1 and 1, and this does not: {self.values}")
+        if not np.all(np.isfinite(self.values)):
+            raise ValueError(f"importance must be finite numbers, and this is not: {self.values}")
         if self.values[-1] != 0:
             raise ValueError(f"the target's importance is 0 by definition, not {self.values[-1]}")
+        if not self.error_bound >= 0:
+            raise ValueError(f"an error bound is 0 or larger, not {self.error_bound}")
         if self.standard_errors is None:
             return
         if self.standard_errors.shape != self.values.shape:
@@ -62,179 +74,82 @@ class Importance:
             raise ValueError(f"a standard error is 0 or larger, and these are not: {self.standard_errors}")
 
 
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """A number with its standard error."""
-
-    value: float
-    standard_error: float
-
-    def minus(self, other: "Estimate") -> "Estimate":
-        """Return the difference of two independent estimates."""
-        return Estimate(self.value - other.value, float(np.hypot(self.standard_error, other.standard_error)))
-
-
-def share(num_successes: int, num_trials: int) -> Estimate:
-    """Estimate a probability `p` by a share, with the standard error `sqrt(p (1 - p) / num_trials)` of that share."""
-    value = num_successes / num_trials
-    return Estimate(value, float(np.sqrt(value * (1 - value) / num_trials)))
-
-
 def exact_importance(
-    kind: ImportanceKind, mdp: DeterministicMDP, policy: Policy, path: Trajectory, random_steps: int
+    kind: ImportanceKind,
+    world: World,
+    policy: AnyPolicy,
+    path: Trajectory,
+    random_steps: int = 10,
+    discount: float = 0.99,
 ) -> Importance:
-    """Compute the importance of every state of a path without sampling.
+    r"""Compute the importance of every state of a path without sampling.
+
+    In a deterministic world the first two kinds need no linear system under a policy that is deterministic or random
+    only between shortest paths, nor does the third under a deterministic one if only the goal pays. All else is a
+    sparse reachability problem, for which SciPy is loaded.
 
     Args:
-        kind: Which of the two definitions.
-        mdp: The world.
-        policy: `[S]`. Where it never reaches a goal it neither returns nor arrives.
-        path: The policy's path to the goal.
-        random_steps: r, at least 0.
+        kind: Which of the definitions.
+        world: The world.
+        policy: `[S]` actions or `[S, A]` probabilities. Where it never reaches a goal it neither returns nor arrives.
+        path: A way to a goal that the policy may take.
+        random_steps: r, at least 0; `reward_importance` has no use for it.
+        discount: Of rewards, from 0 up to, not including, 1; only `reward_importance` has a use for it.
 
     Raises:
-        ValueError: The number of random actions is negative, or the path does not follow the policy to a goal.
+        ValueError: There is no such definition, a number is out of range, the policy does not fit the world, or the
+            path does not follow it to a goal.
+        NotSolved: A linear system's answer cannot be trusted.
+
+    Example:
+        >>> from webapp.explainer import exact_importance, follow, parse_layout, plan_world, tabulate
+        >>> world = tabulate(parse_layout("#######\n#K<.DG#\n#######"))
+        >>> policy = plan_world(world)
+        >>> path = follow(world, policy)
+        >>> exact_importance("return_probability", world, policy, path, 2).values.round(3).tolist()
+        [0.333, 0.0, 0.0, 0.333, 0.333, 0.417, 0.5, 0.0]
     """
-    _check_path(mdp, policy, path)
-    forest = policy_forest(mdp, policy)
-    solve = {"return_probability": _exact_return_probability, "ace": _exact_ace}[kind]
-    values = [solve(mdp, forest, featured, random_steps) for featured in path.pairs]
-    return Importance(np.clip([*values, 0.0], -1.0, 1.0), standard_errors=None)
+    _refuse_nonsense(kind, world, policy, random_steps)
+    if isinstance(world, DeterministicMDP) and _needs_no_linear_system(kind, world, policy):
+        return Importance(np.append(_solved_directly(kind, world, policy, path, random_steps, discount), 0.0))
+    from webapp.explainer import importance_stochastic  # noqa: PLC0415 - loads SciPy.
+
+    if kind == "reward_importance":
+        values, bound = importance_stochastic.reward_importance(world, policy, path, discount)
+    elif kind == "ace":
+        values, bound = importance_stochastic.ace(world, policy, path, random_steps)
+    else:
+        values, bound = importance_stochastic.return_probability(world, policy, path, random_steps)
+    return Importance(np.append(values, 0.0), error_bound=bound)
 
 
-def sampled_importance(
+def _refuse_nonsense(kind: ImportanceKind, world: World, policy: AnyPolicy, random_steps: int) -> None:
+    if kind not in IMPORTANCE_KINDS:
+        raise ValueError(f"{kind!r} is not an importance; use {', '.join(IMPORTANCE_KINDS)}")
+    shape = (world.num_states, world.num_actions)
+    if policy.shape not in (shape[:1], shape):
+        raise ValueError(f"a policy must have shape {shape[:1]} or {shape}, not {policy.shape}")
+    if kind in PROBABILITY_KINDS and not isinstance(random_steps, Integral):
+        raise ValueError(f"the number of random actions must be a whole number, not {random_steps!r}")
+
+
+def _needs_no_linear_system(kind: ImportanceKind, world: DeterministicMDP, policy: AnyPolicy) -> bool:
+    if kind == "reward_importance":
+        return policy.ndim == 1 and world.reward is None
+    return policy.ndim == 1 or takes_shortest_paths(world, action_probabilities(world, policy))
+
+
+def _solved_directly(
     kind: ImportanceKind,
-    mdp: DeterministicMDP,
-    policy: Policy,
+    world: DeterministicMDP,
+    policy: AnyPolicy,
     path: Trajectory,
     random_steps: int,
-    num_trials: int,
-    rng: np.random.Generator,
-) -> Importance:
-    """Estimate the importance of every state of a path by rollouts on the table (Algorithm 1).
-
-    For `ace` both probabilities are estimated, each from `num_trials` rollouts of its own.
-
-    Args:
-        kind: Which of the two definitions.
-        mdp: The world.
-        policy: `[S]`. A rollout in which it loops neither returns nor arrives.
-        path: The policy's path to the goal.
-        random_steps: r, at least 0.
-        num_trials: Rollouts per state and probability, at least 1.
-        rng: The stream of the draws.
-
-    Raises:
-        ValueError: A number is too small, or the path does not follow the policy to a goal.
-    """
-    _check_path(mdp, policy, path)
-
-    def walk(starts: States, forbidden: list[StateAction] | None = None) -> States:
-        return walk_randomly(mdp, starts, random_steps, rng, forbidden=forbidden)
-
-    if kind == "return_probability":
-        return _estimate(path, num_trials, lambda starts, _: returns(mdp, policy, walk(starts), starts))
-    return _estimate(
-        path,
-        num_trials,
-        lambda starts, _: arrivals(mdp, policy, walk(starts)),
-        lambda starts, pairs: arrivals(mdp, policy, walk(starts, pairs), blocked=starts),
-    )
-
-
-def recurrent_importance(
-    kind: ImportanceKind,
-    model: "RecurrentWorldModel",
-    mdp: DeterministicMDP,
-    policy: Policy,
-    path: Trajectory,
-    random_steps: int,
-    num_trials: int,
-    seed: int,
-) -> Importance:
-    """Estimate the importance of every state of a path by rollouts through a recurrent world model (Algorithm 1).
-
-    The model's own predictions lead each rollout, its hidden state carried along from the path's state on.
-
-    Args:
-        kind: Which of the two definitions.
-        model: The world model.
-        mdp: The model's table: what its states are called, and where the policy's path runs.
-        policy: `[S]` on that table.
-        path: The policy's path to the goal.
-        random_steps: r, at least 0.
-        num_trials: Rollouts per state and probability, at least 1.
-        seed: Of the draws, at least 0.
-
-    Raises:
-        ValueError: A number is too small, or the path does not follow the policy to a goal.
-    """
-    from webapp.explainer.batched_rollouts import RecurrentRollouts, seeded  # noqa: PLC0415 - loads torch.
-
-    _check_path(mdp, policy, path)
-    rollouts, generator = RecurrentRollouts(model, mdp, policy), seeded(seed)
-
-    def walk(starts: NDArray[np.int64], forbidden: list[StateAction] | None = None) -> "Walkers":
-        return rollouts.walk_randomly(rollouts.start(starts), random_steps, generator, forbidden=forbidden)
-
-    if kind == "return_probability":
-        return _estimate(path, num_trials, lambda starts, _: rollouts.returns(walk(starts), starts))
-    return _estimate(
-        path,
-        num_trials,
-        lambda starts, _: rollouts.arrivals(walk(starts)),
-        lambda starts, pairs: rollouts.arrivals(walk(starts, pairs), blocked=starts),
-    )
-
-
-def _exact_return_probability(
-    mdp: DeterministicMDP, forest: PolicyForest, featured: StateAction, random_steps: int
-) -> float:
-    """The mass of the random phase on the proper subtree of the state: those that pass through it, not itself."""
-    state, _ = featured
-    returning = forest.passes_through(state)
-    returning[state] = False
-    return float(random_phase(mdp, state, random_steps)[returning].sum())
-
-
-def _exact_ace(mdp: DeterministicMDP, forest: PolicyForest, featured: StateAction, random_steps: int) -> float:
-    """The mass that arrives when all is allowed, minus the mass that arrives without passing through the state."""
-    state, _ = featured
-    allowed = random_phase(mdp, state, random_steps)
-    denied = random_phase(mdp, state, random_steps, forbidden=featured)
-    return float(allowed[forest.arrives].sum() - denied[forest.arrives & ~forest.passes_through(state)].sum())
-
-
-def _estimate(path: Trajectory, num_trials: int, run: Run, minus: Run | None = None) -> Importance:
-    """Estimate a chance, or the difference of two, for each of a path's `T` states; the target's 0 is certain."""
-    estimates = _shares(path, num_trials, run)
-    if minus is not None:
-        others = _shares(path, num_trials, minus)
-        estimates = [estimate.minus(other) for estimate, other in zip(estimates, others, strict=True)]
-    values = [estimate.value for estimate in estimates]
-    errors = [estimate.standard_error for estimate in estimates]
-    return Importance(np.array([*values, 0.0]), np.array([*errors, 0.0]))
-
-
-def _shares(path: Trajectory, num_trials: int, run: Run) -> list[Estimate]:
-    """Start as many walkers in each of a path's `T` states, and count those that come where they should."""
-    if num_trials < 1:
-        raise ValueError(f"the number of trials must be 1 or larger, not {num_trials}")
-    if not path.num_steps:
-        return []
-    num_successes = np.zeros(path.num_steps, dtype=np.int64)
-    most = max(1, _MAX_WALKERS // path.num_steps)
-    for first in range(0, num_trials, most):
-        size = min(most, num_trials - first)
-        pairs = [pair for pair in path.pairs for _ in range(size)]
-        successes = run(np.array(path.states[:-1], dtype=np.int64).repeat(size), pairs)
-        num_successes += successes.reshape(path.num_steps, size).sum(axis=1)
-    return [share(int(count), num_trials) for count in num_successes]
-
-
-def _check_path(mdp: DeterministicMDP, policy: Policy, path: Trajectory) -> None:
-    for (state, action), after in zip(path.pairs, path.states[1:], strict=True):
-        if policy[state] != action or mdp.next_state[state, action] != after:
-            raise ValueError(f"the path leaves the policy in {mdp.states[state]!r}")
-    if not mdp.goal[path.states[-1]]:
-        raise ValueError(f"the path must end in a goal, not in {mdp.states[path.states[-1]]!r}")
+    discount: float,
+) -> NDArray[np.float64]:
+    """`[T]`, with the rounding that leaves the range of a probability cut off."""
+    if kind == "reward_importance":
+        return importance_deterministic.reward_importance(world, cast("Policy", policy), path, discount)
+    if kind == "ace":
+        return importance_deterministic.ace(world, policy, path, random_steps).clip(-1.0, 1.0)
+    return importance_deterministic.return_probability(world, policy, path, random_steps).clip(0.0, 1.0)

@@ -34,7 +34,7 @@ def roll_out(mdp: DeterministicMDP, state: int, actions: Sequence[int]) -> Traje
 def key_point_steps(
     mdp: DeterministicMDP, path: Trajectory, subgoals: Sequence[int], route: Sequence[int], from_step: int = 1
 ) -> tuple[int, ...]:
-    """Return the subgoals whose state and action do not occur when the route is rolled out.
+    r"""Return the subgoals whose state and action do not occur when the route is rolled out.
 
     The first of them is the explanation. A route that reaches the goal misses nothing: the paper asks only about
     routes that do not, and the set difference alone would blame those that merely differ.
@@ -51,6 +51,15 @@ def key_point_steps(
 
     Raises:
         ValueError: There is no such step or action.
+
+    Example:
+        >>> from webapp.explainer import follow, key_point_steps, parse_layout, plan_world, tabulate
+        >>> world = tabulate(parse_layout("#######\n#K<.DG#\n#######"))
+        >>> policy = plan_world(world)
+        >>> path = follow(world, policy)
+        >>> route = [world.actions.index(name) for name in ("left", "left", "forward")]
+        >>> key_point_steps(world, path, [1, 7], route)
+        (1, 7)
     """
     check_step(path, from_step)
     rolled_out = roll_out(mdp, path.states[from_step - 1], route)

@@ -13,6 +13,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from webapp.explainer.labels import are_distinct
+from webapp.explainer.random_step import RandomStep
+
 StateLabel = TypeVar("StateLabel", bound=Hashable)
 Policy = NDArray[np.int32]
 """`[S]`: the index of the action taken in each state. The entries of terminal states are never used."""
@@ -25,30 +28,42 @@ class DeterministicMDP:
     """States `0 .. S - 1`, actions `0 .. A - 1`, and where each action leads.
 
     Attributes:
-        states: `S` distinct labels, in the order of their indices.
+        states: `S` distinct labels, in the order of their indices: a tuple, or `RowLabels` where they are many.
         actions: `A` names, in the order of their indices; ties are broken by the lowest index.
         next_state: `[S, A]`, the index of the state that follows. An action that cannot act, and every action of a
             terminal state, leads back to the same state.
         terminal: `[S]`, True where the episode has ended.
         goal: `[S]`, True for the terminal states that count as reaching the target.
         start: The index of the state in which an episode begins.
+        reward: `[S, A]`, the reward of an action, 0 in terminal states; or None where only the goal counts.
 
     Raises:
         ValueError: The parts do not fit together; the message names the first that does not.
+
+    Example:
+        >>> import numpy as np
+        >>> from webapp.explainer import DeterministicMDP
+        >>> last = np.array([False, False, True])
+        >>> world = DeterministicMDP(
+        ...     ("cold", "hot", "served"), ("heat", "serve"), np.array([[1, 0], [1, 2], [2, 2]], dtype=np.int32),
+        ...     terminal=last, goal=last, start=0)
+        >>> world.index["served"], world.selectable.tolist()
+        (2, [[True, False], [False, False], [False, False]])
     """
 
-    states: tuple[Hashable, ...]
+    states: Sequence[Hashable]
     actions: tuple[str, ...]
     next_state: NDArray[np.int32]
     terminal: NDArray[np.bool_]
     goal: NDArray[np.bool_]
     start: int
+    reward: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         num_states, num_actions = len(self.states), len(self.actions)
         if num_states == 0 or num_actions == 0:
             raise ValueError(f"an MDP needs states and actions, not {num_states} and {num_actions}")
-        if len(set(self.states)) != num_states:
+        if not are_distinct(self.states):
             raise ValueError("the state labels are not distinct")
         if self.next_state.shape != (num_states, num_actions):
             raise ValueError(f"next_state must have shape {(num_states, num_actions)}, not {self.next_state.shape}")
@@ -64,6 +79,7 @@ class DeterministicMDP:
             raise ValueError("every action of a terminal state must lead back to it")
         if not 0 <= self.start < num_states:
             raise ValueError(f"start must be a state index from 0 to {num_states - 1}, not {self.start}")
+        check_reward(self.reward, (num_states, num_actions), self.terminal)
 
     @property
     def num_states(self) -> int:
@@ -77,7 +93,7 @@ class DeterministicMDP:
 
     @cached_property
     def index(self) -> dict[Hashable, int]:
-        """The index of each state label."""
+        """The index of each state label. It is made when first asked for, and then holds every label."""
         return {label: i for i, label in enumerate(self.states)}
 
     @cached_property
@@ -90,6 +106,27 @@ class DeterministicMDP:
         own = np.arange(self.num_states, dtype=self.next_state.dtype)[:, None]
         allowed: NDArray[np.bool_] = (self.next_state != own) & ~self.terminal[self.next_state]
         return allowed
+
+    @cached_property
+    def random_step(self) -> RandomStep:
+        """One random action from every state, for worlds small enough to push distributions over all of them."""
+        return RandomStep.of(self.next_state, self.selectable)
+
+
+def check_reward(reward: NDArray[np.float64] | None, shape: tuple[int, int], terminal: NDArray[np.bool_]) -> None:
+    """Refuse rewards that do not fit a world; None is a world where only the goal counts.
+
+    Raises:
+        ValueError: They have another shape, one is no finite number, or there is something to earn in a terminal state.
+    """
+    if reward is None:
+        return
+    if reward.shape != shape:
+        raise ValueError(f"reward must have shape {shape}, not {reward.shape}")
+    if not np.all(np.isfinite(reward)):
+        raise ValueError("a reward must be a finite number")
+    if np.any(reward[terminal] != 0):
+        raise ValueError("there is nothing to earn in a terminal state: its rewards must be 0")
 
 
 def enumerate_mdp(

@@ -1,195 +1,280 @@
-"""Explain one map on demand: choose the world, the policy and the estimator, and train what is not known yet."""
+"""Answer one question about a map or an environment: prepare what it is about, then explain it."""
 
-import hashlib
-import json
-import secrets
-from collections.abc import Callable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, cast
 
-from webapp.explainer.explanation import Assess, Explanation, explain
-from webapp.explainer.importance import ImportanceKind, exact_importance, recurrent_importance, sampled_importance
-from webapp.explainer.mdp import DeterministicMDP, Policy
-from webapp.explainer.seeding import stream
-from webapp.explainer.solvers import plan
-from webapp.explainer.worlds.key_door import ACTIONS, tabulate
-from webapp.explainer.worlds.layout import Layout
+import numpy as np
+
+from webapp.explainer import granularity
+from webapp.explainer.abstraction import CoarseWorld
+from webapp.explainer.explanation import Assess, Explanation, certain, explain
+from webapp.explainer.importance import ProbabilityKind, exact_importance
+from webapp.explainer.key_points import roll_out
+from webapp.explainer.mdp import Policy
+from webapp.explainer.questioner import check_size, mistaken_route
+from webapp.explainer.requests import Request
+from webapp.explainer.solvers import Trajectory, check_step
+from webapp.explainer.subjects import MapSource, Source, Subject, prepare
+from webapp.explainer.training_cache import ReportProgress
+from webapp.explainer.worlds.key_door import ACTIONS, key_door_state
 
 if TYPE_CHECKING:
-    from webapp.explainer.learning import TrainedAgent, TrainingSettings
-
-WorldKind = Literal["exact", "learned"]
-PolicyKind = Literal["planner", "dqn"]
-EstimatorKind = Literal["exact", "monte-carlo"]
-
-ReportProgress = Callable[[str, float], None]
-"""Takes the name of a stage and how much of it is done, from 0 to 1."""
-
-
-class NotLearned(ValueError):
-    """An agent or a world model was not right when the budget of its training ended."""
+    from webapp.explainer.learning import TrainingSettings
+    from webapp.explainer.sampling import Sampled
+    from webapp.explainer.worlds.key_door_abstractions import CoarseGranularity
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
-    """What somebody wants to know about a map.
+class Coarse:
+    """What a path was explained as.
 
     Attributes:
-        world: The table of the map's rules, or the world model learned from experience in it.
-        policy: The planner's shortest path in that world, or the learned agent's greedy policy.
-        importance: Which definition of importance.
-        estimator: Exactly, or by sampling; in a learned world by rollouts through the recurrent network.
-        random_steps: r, at least 0.
-        num_trials: Rollouts per state and probability, at least 1; an exact estimator needs none.
-        seed: Of the sampling and of the training, at least 0.
-        route: The names of the questioner's actions, if somebody asks.
-        from_step: The step at which they ask, from 1.
-
-    Raises:
-        ValueError: A number is too small, an action is unknown, or the route is empty.
+        world: The coarse world in which the explanation holds.
+        path: The coarse path, with the steps that each coarse step covers.
     """
 
-    world: WorldKind = "exact"
-    policy: PolicyKind = "planner"
-    importance: ImportanceKind = "return_probability"
-    estimator: EstimatorKind = "exact"
-    random_steps: int = 10
-    num_trials: int = 1000
-    seed: int = 0
-    route: tuple[str, ...] | None = None
-    from_step: int = 1
+    world: CoarseWorld
+    path: granularity.CoarsePath
 
-    def __post_init__(self) -> None:
-        least = {"random_steps": 0, "num_trials": 1, "seed": 0, "from_step": 1}
-        for name, smallest in least.items():
-            if getattr(self, name) < smallest:
-                raise ValueError(f"{name} must be {smallest} or larger, not {getattr(self, name)}")
-        if self.route is None:
-            return
-        if not self.route:
-            raise ValueError("a route has at least one action; leave it out when nobody asks")
-        for action in self.route:
-            if action not in ACTIONS:
-                raise ValueError(f"{action!r} is not an action; use {', '.join(ACTIONS)}")
 
-    def __str__(self) -> str:
-        """Say in one line what is asked."""
-        importance = {"return_probability": "return probability", "ace": "average causal effect"}[self.importance]
-        sampled = f", {self.num_trials} trials per state, seed {self.seed}"
-        return (
-            f"{self.world} world, {self.policy}, {importance} after {self.random_steps} random actions, "
-            f"{self.estimator}{sampled if self.estimator == 'monte-carlo' else ''}"
-        )
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """An explanation with what it is about.
 
-    @property
-    def learns(self) -> bool:
-        """Whether a network must be trained first."""
-        return self.world == "learned" or self.policy == "dqn"
+    Attributes:
+        subject: The world, the policy and the path.
+        explanation: Of that path, or of the coarse path that it amounts to.
+        sampled: How the sampling went, where there was any.
+        coarse: The coarse world and path, where the explanation is one of them.
+        route: The actions, in the world's own steps, that were asked about, given or planned on a believed map.
+        question: The same as a sentence; empty when nobody asks.
+    """
+
+    subject: Subject
+    explanation: Explanation
+    sampled: "Sampled | None" = None
+    coarse: Coarse | None = None
+    route: tuple[int, ...] | None = None
+    question: str = ""
 
 
 def answer(
-    layout: Layout,
+    source: Source,
     request: Request,
     cache: Path,
     progress: ReportProgress,
-    source: str = "map",
     settings: "TrainingSettings | None" = None,
-) -> tuple[DeterministicMDP, Explanation]:
-    """Explain the path of an agent on a map.
+) -> Answer:
+    """Explain the path of an agent.
 
-    Torch is loaded only for what is learned, and only sampling a learned world rolls its network out.
+    Torch is loaded only for what is learned or sampled.
 
     Args:
-        layout: The map.
+        source: A map or an environment.
         request: What is asked.
         cache: The folder in which trained networks are kept by content; it is made when needed.
         progress: Told how much of the training is done, from 0 to 1.
-        source: What to call the map in messages.
         settings: How to train; the settings' own defaults when left out.
 
-    Returns:
-        The world in which the explanation holds, exact or tabulated from the learned model, and the explanation.
-
     Raises:
-        LayoutError: The goal cannot be reached.
+        LayoutError: The goal of a map cannot be reached, or the believed map does not fit.
         NeverArrives: The policy does not lead to the goal.
         NotLearned: The networks did not learn the map within their budget.
-        ValueError: There is no such step.
+        ValueError: There is no such step or action, or the environment cannot be explained.
     """
-    table = tabulate(layout, source)
-    agent = _trained_agent(layout, request.seed, settings, cache, progress) if request.learns else None
-    mdp = agent.tabulate() if agent is not None and request.world == "learned" else table
-    policy = agent.policy(mdp) if agent is not None and request.policy == "dqn" else plan(mdp)
-    route = None if request.route is None else tuple(ACTIONS.index(action) for action in request.route)
-    return mdp, explain(mdp, policy, _assess(request, mdp, policy, agent), route, request.from_step)
+    _check_question(source, request)
+    subject = prepare_for(source, request, cache, progress, settings)
+    route = _route(subject, request)
+    if request.granularity != "steps":
+        return _coarse_answer(subject, request, route)
+    sampled = _sample(subject, request) if request.estimator == "monte-carlo" else None
+    explanation = explain(
+        subject.world,
+        subject.policy,
+        _exactly(subject, request) if sampled is None else lambda path: sampled.importance,  # noqa: ARG005
+        route,
+        request.from_step,
+        path=subject.path,
+        rule=request.threshold,
+        num_subgoals=request.num_subgoals,
+    )
+    return Answer(subject, explanation, sampled, None, route, _question(subject, request, route))
 
 
-def as_json(mdp: DeterministicMDP, explanation: Explanation) -> Mapping[str, object]:
-    """Return an explanation as the object that other programs read, made of lists, numbers and text only."""
-    path, errors = explanation.path, explanation.importance.standard_errors
+def prepare_for(
+    source: Source,
+    request: Request,
+    cache: Path,
+    progress: ReportProgress,
+    settings: "TrainingSettings | None" = None,
+) -> Subject:
+    """Prepare what a request is about without explaining anything; see `answer`."""
+    return prepare(
+        source,
+        request.world,
+        request.policy,
+        cache=cache,
+        progress=progress,
+        seed=request.seed,
+        discount=request.discount,
+        settings=settings,
+    )
+
+
+def _exactly(subject: Subject, request: Request) -> Assess:
+    kind, world, policy = request.importance, subject.world, subject.policy
+    return lambda path: exact_importance(kind, world, policy, path, request.r, request.discount)
+
+
+def _sample(subject: Subject, request: Request) -> "Sampled":
+    from webapp.explainer.sampling import sample, sample_recurrent  # noqa: PLC0415 - loads torch.
+    from webapp.explainer.stop_rule import StopRule  # noqa: PLC0415 - with it.
+
+    kind, path, rule = (
+        cast("ProbabilityKind", request.importance),
+        subject.path,
+        StopRule(request.num_trials, request.stops_early),
+    )
+    if subject.agent is not None and request.world == "learned" and subject.policy.ndim == 1:
+        model, policy = subject.agent.recurrent_model(), cast("Policy", subject.policy)
+        return sample_recurrent(kind, model, certain(subject.world), policy, path, request.r, rule, request.seed)
+    return sample(kind, subject.world, subject.policy, path, request.r, rule, request.seed)
+
+
+def _coarse_answer(subject: Subject, request: Request, route: tuple[int, ...] | None) -> Answer:
+    if not isinstance(subject.source, MapSource):
+        raise ValueError(f"{request.granularity} are known for key-door maps only, not for {subject.source.name!r}")  # noqa: TRY004 - what is asked is at fault.
+    level = cast("CoarseGranularity", request.granularity)
+    coarse = granularity.coarse_world(subject.world, subject.source.layout, level)
+    asked = None if route is None else _rolled_out(subject, request, route)
+    found, explanation = granularity.explain_coarsely(
+        coarse,
+        subject.path,
+        request.importance,
+        request.r,
+        asked,
+        request.from_step,
+        discount=request.discount,
+        rule=request.threshold,
+        num_subgoals=request.num_subgoals,
+    )
+    question = _question(subject, request, route)
+    return Answer(subject, explanation, None, Coarse(coarse, found), route, question)
+
+
+def _rolled_out(subject: Subject, request: Request, route: Sequence[int]) -> Trajectory:
+    check_step(subject.path, request.from_step)
+    return roll_out(certain(subject.world), subject.path.states[request.from_step - 1], route)
+
+
+def as_json(found: Answer, request: Request) -> Mapping[str, object]:
+    """Return an answer as the object that other programs read, made of lists, numbers and text only."""
+    asked = {**about(found.subject, request), **_as_asked(found, request)}
+    if found.coarse is not None:
+        return {**granularity.as_json(found.coarse.world, found.coarse.path, found.explanation), "about": asked}
+    world, explanation = found.subject.world, found.explanation
+    path, importance = explanation.path, explanation.importance
 
     def pair(step: int) -> Mapping[str, object]:
         state, action = path.pairs[step - 1]
-        return {"step": step, "state": _numbers(mdp, state), "action": mdp.actions[action]}
+        return {"step": step, "state": _components(world.states[state]), "action": world.actions[action]}
 
     first = explanation.explanation_step
-    return {
-        "states": [_numbers(mdp, state) for state in path.states],
-        "actions": [mdp.actions[action] for action in path.actions],
-        "importance": explanation.importance.values.tolist(),
-        "standard_error": None if errors is None else errors.tolist(),
+    written: dict[str, object] = {
+        "states": [_components(world.states[state]) for state in path.states],
+        "actions": [world.actions[action] for action in path.actions],
+        "importance": importance.values.tolist(),
+        "standard_error": None if importance.standard_errors is None else importance.standard_errors.tolist(),
         "threshold": explanation.threshold,
         "subgoals": [pair(step) for step in explanation.subgoals],
         "key_points": [pair(step) for step in explanation.key_points],
         "explanation": None if first is None else pair(first),
     }
+    if importance.error_bound:
+        written["error_bound"] = importance.error_bound
+    if found.sampled is not None:
+        sampled = found.sampled
+        written["sampling"] = {
+            "trials": sampled.num_trials,
+            "stopped": sampled.stopped,
+            "unsettled": list(sampled.unsettled),
+            "truncated": sampled.num_truncated,
+        }
+    return {**written, "about": asked}
 
 
-def _trained_agent(
-    layout: Layout, seed: int, settings: "TrainingSettings | None", cache: Path, progress: ReportProgress
-) -> "TrainedAgent":
-    from webapp.explainer import learning  # noqa: PLC0415 - torch is loaded only for what is learned.
-
-    settings = settings or learning.TrainingSettings()
-    weights = cache / f"{_fingerprint(layout, settings, seed)}.safetensors"
-    if weights.exists():
-        return learning.load(weights, [layout])[0]
-    try:
-        agents = learning.train([layout], settings, [seed], lambda now: progress("training", now.fraction))
-    except learning.TrainingFailed as error:
-        raise NotLearned(f"the training failed: {error}") from error
-    cache.mkdir(mode=0o700, parents=True, exist_ok=True)
-    draft = weights.with_name(f"{weights.stem}.{secrets.token_hex(8)}.part")
-    learning.save(agents, draft)
-    draft.replace(weights)
-    return agents[0]
+def about(subject: Subject, request: Request) -> dict[str, object]:
+    """Return what an answer was computed with, so that it can be computed again."""
+    chosen: dict[str, object] = {"version": version("xar"), "source": subject.source.name}
+    if isinstance(subject.source, MapSource):
+        chosen["layout"] = str(subject.source.layout).splitlines()
+    else:
+        chosen["environment"] = {
+            "seed": subject.source.seed,
+            "actions": list(subject.world.actions),
+            "options": {key: _plain(value) for key, value in subject.source.options.items()},
+        }
+    chosen |= {name: getattr(request, name) for name in ("world", "policy", "importance", "estimator", "granularity")}
+    chosen |= {"random_steps": request.r, "discount": request.discount, "seed": request.seed}
+    return chosen | {"threshold_rule": request.threshold, "num_subgoals": request.num_subgoals}
 
 
-def _fingerprint(layout: Layout, settings: "TrainingSettings", seed: int) -> str:
-    """Name what training depends on: the map, the settings, the seed, torch, and the code that learns."""
-    core = Path(__file__).parent
-    code = hashlib.sha256()
-    for source in sorted([*core.glob("learning/*.py"), *core.glob("worlds/*.py"), core / "seeding.py"]):
-        code.update(source.read_bytes())
-    facts = [str(layout), settings.to_dict(), seed, version("torch"), code.hexdigest()]
-    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:32]
+def _as_asked(found: Answer, request: Request) -> dict[str, object]:
+    if found.route is None:
+        return {"route": None, "from_step": None, "believed_layout": None}
+    return {
+        "route": [found.subject.world.actions[action] for action in found.route],
+        "from_step": request.from_step,
+        "believed_layout": None if request.belief is None else str(request.belief.layout).splitlines(),
+    }
 
 
-def _assess(request: Request, mdp: DeterministicMDP, policy: Policy, agent: "TrainedAgent | None") -> Assess:
-    kind, random_steps = request.importance, request.random_steps
-    if request.estimator == "exact":
-        return lambda path: exact_importance(kind, mdp, policy, path, random_steps)
-    if agent is not None and request.world == "learned":
-        model, seed = agent.recurrent_model(), request.seed
-        return lambda path: recurrent_importance(kind, model, mdp, policy, path, random_steps, request.num_trials, seed)
-    rng = stream(request.seed, "rollouts", "table")
-    return lambda path: sampled_importance(kind, mdp, policy, path, random_steps, request.num_trials, rng)
+def _question(subject: Subject, request: Request, route: tuple[int, ...] | None) -> str:
+    if route is None:
+        return ""
+    actions = ", ".join(subject.world.actions[action] for action in route)
+    if request.belief is None:
+        return f"Asked at step {request.from_step}: {actions}."
+    believer = f"by somebody who believes in {request.belief.source}, and so in the route"
+    return f"Asked at step {request.from_step} {believer} {actions}."
 
 
-def _numbers(mdp: DeterministicMDP, state: int) -> list[int]:
-    label = mdp.states[state]
-    if not isinstance(label, tuple):
-        raise TypeError(f"a state is written as its components, and {label!r} has none")
-    return [int(component) for component in label]
+def _plain(value: object) -> object:
+    return value if value is None or isinstance(value, bool | int | float | str) else str(value)
+
+
+def _components(label: Hashable) -> list[object]:
+    """Return a state's components as numbers and text; a label without components is the only one of its own."""
+    parts = label if isinstance(label, tuple) else (label,)
+    return [int(part) if isinstance(part, int | np.integer) else str(part) for part in parts]
+
+
+def _check_question(source: Source, request: Request) -> None:
+    """Refuse what can be refused before anything is learned."""
+    if isinstance(source, MapSource):
+        if request.belief is not None:
+            check_size(source.layout, request.belief)
+        for name in request.route or ():
+            _action(ACTIONS, name)
+    elif request.belief is not None:
+        raise ValueError(f"a believed map belongs to a map, and {source.name!r} is none; give a route instead")
+
+
+def _route(subject: Subject, request: Request) -> tuple[int, ...] | None:
+    """Return the questioner's action indices, given or planned on the map that they believe in, if somebody asks."""
+    if request.belief is not None and isinstance(subject.source, MapSource):
+        check_step(subject.path, request.from_step)
+        state = key_door_state(certain(subject.world), subject.path.states[request.from_step - 1])
+        return mistaken_route(subject.source.layout, request.belief, state)
+    if request.route is None:
+        return None
+    return tuple(_action(subject.world.actions, name) for name in request.route)
+
+
+def _action(names: Sequence[str], name: str) -> int:
+    if name not in names:
+        raise ValueError(f"{name!r} is not an action; use {', '.join(names)}")
+    return names.index(name)

@@ -5,12 +5,15 @@ and 6). The paper does not give the questioner of its second experiment; this on
 stands open and that no key is needed, and they ask where the agent first does what they cannot account for.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from webapp.explainer.mdp import DeterministicMDP
 from webapp.explainer.solvers import Trajectory, follow, plan
-from webapp.explainer.worlds.key_door import KeyDoorState, enumerate_from
-from webapp.explainer.worlds.layout import Cell, Layout
+from webapp.explainer.worlds.key_door import KeyDoorState, enumerate_from, key_door_state, step
+from webapp.explainer.worlds.layout import Cell, Layout, LayoutError
 from webapp.explainer.worlds.view import key_in_view
 
 
@@ -35,6 +38,24 @@ class Question:
     route: tuple[int, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Belief:
+    r"""A map that a questioner takes for the real one; where the agent starts on it does not matter.
+
+    Attributes:
+        layout: The believed map.
+        source: What to call it, such as its file name.
+
+    Example:
+        >>> from webapp.explainer import Belief, parse_layout
+        >>> Belief(parse_layout("#######\n#K<.DG#\n#######"), "what the visitor drew").source
+        'what the visitor drew'
+    """
+
+    layout: Layout
+    source: str = "believed map"
+
+
 def believed_open_door(layout: Layout, state: KeyDoorState) -> DeterministicMDP:
     """Return the world in which the door already stands open, from a state of the real one."""
     return enumerate_from(layout, state._replace(door_open=1))
@@ -56,6 +77,62 @@ def believed_route(belief: DeterministicMDP) -> tuple[int, ...]:
         NeverArrives: The goal cannot be reached even in that world.
     """
     return follow(belief, plan(belief)).actions
+
+
+def mistaken_route(layout: Layout, belief: Belief, state: KeyDoorState) -> tuple[int, ...]:
+    r"""Return the shortest path on a believed map from a state of the real world, as action indices `a_bad`.
+
+    The agent's state is taken over as it is: position, heading, key in hand, door open.
+
+    Args:
+        layout: The real map.
+        belief: The believed one.
+        state: A state of the real world, in which the question is asked.
+
+    Raises:
+        LayoutError: The maps differ in size, the agent could not be where it is on the believed map, or its goal
+            cannot be reached from there.
+
+    Example:
+        >>> from webapp.explainer import Belief, mistaken_route, parse_layout, tabulate
+        >>> real = parse_layout("#######\n#>K.DG#\n#######")
+        >>> believed = Belief(parse_layout("#######\n#>.KDG#\n#######"))
+        >>> world = tabulate(real)
+        >>> [world.actions[action] for action in mistaken_route(real, believed, world.states[world.start])]
+        ['forward', 'pickup', 'forward', 'toggle', 'forward', 'forward']
+    """
+    check_size(layout, belief)
+    if (found := _in_the_way(belief.layout, state)) is not None:
+        problem = f"the agent stands at ({state.x}, {state.y}), where this believed map has {found}"
+        raise LayoutError(problem, line=state.y + 1, column=state.x + 1, source=belief.source)
+    mdp = enumerate_from(belief.layout, state)
+    if not np.any(mdp.goal):
+        x, y = belief.layout.goal
+        problem = f"on this believed map the goal cannot be reached from ({state.x}, {state.y}), where the agent stands"
+        raise LayoutError(problem, line=y + 1, column=x + 1, source=belief.source)
+    return believed_route(mdp)
+
+
+def believed_states(belief: Belief, state: KeyDoorState, route: Sequence[int]) -> tuple[KeyDoorState, ...]:
+    """Return the states that a questioner expects: the given one, and one after each action of the route."""
+    states = [state]
+    for action in route:
+        states.append(step(belief.layout, states[-1], action)[0])
+    return tuple(states)
+
+
+def check_size(layout: Layout, belief: Belief) -> None:
+    """Refuse a believed map that is not as large as the real one.
+
+    Raises:
+        LayoutError: It is not.
+    """
+    real, believed = ((some.width, some.height) for some in (layout, belief.layout))
+    if real != believed:
+        problem = (
+            f"the believed map is {believed[0]} cells wide and {believed[1]} high, the real one {real[0]} and {real[1]}"
+        )
+        raise LayoutError(problem, line=believed[1], column=believed[0], source=belief.source)
 
 
 def find_split(
@@ -82,22 +159,26 @@ def find_split(
             f"a question shows 0 actions or more and announces 1 or more, not {min_video_actions} and {num_announced}"
         )
     first, last = min_video_actions + 1, path.num_steps - num_announced + 1
-    states = [_key_door_state(mdp, state) for state in path.states]
-    for step in reversed(range(first, last + 1)):
-        if any(key_in_view(layout, state) for state in states[:step]):
+    states = [key_door_state(mdp, state) for state in path.states]
+    for number in reversed(range(first, last + 1)):
+        if any(key_in_view(layout, state) for state in states[:number]):
             continue
-        route = believed_route(believed_open_door(layout, states[step - 1]))
-        if route[0] != path.actions[step - 1]:
-            announced = path.actions[step - 1 : step - 1 + num_announced]
-            return Question(step, path.actions[: step - 1], announced, route)
+        route = believed_route(believed_open_door(layout, states[number - 1]))
+        if route[0] != path.actions[number - 1]:
+            announced = path.actions[number - 1 : number - 1 + num_announced]
+            return Question(number, path.actions[: number - 1], announced, route)
     raise NoSplit(
         f"no step of this path can be asked about: from step {first} to {last} the agent has either seen the key or "
         f"goes where somebody would go who believes that the door stands open (start {states[0]!r})"
     )
 
 
-def _key_door_state(mdp: DeterministicMDP, state: int) -> KeyDoorState:
-    label = mdp.states[state]
-    if not isinstance(label, KeyDoorState):
-        raise TypeError(f"a questioner asks about key-door worlds, and {label!r} is no state of one")
-    return label
+def _in_the_way(layout: Layout, state: KeyDoorState) -> str | None:
+    """Return what an agent in this state could not stand on, if its cell has such a thing."""
+    things = {layout.goal: "the goal"}
+    if not state.has_key:
+        things[layout.key] = "the key"
+    if not state.door_open:
+        things[layout.door] = "a locked door"
+    cell = (state.x, state.y)
+    return "a wall" if cell in layout.walls else things.get(cell)

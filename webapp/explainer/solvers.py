@@ -1,4 +1,4 @@
-"""Exact answers on a deterministic MDP: distances, the planner, paths, the random phase and the policy's in-tree."""
+"""Exact answers on a deterministic MDP: distances, the planner, paths, the random phase, and where a policy leads."""
 
 from dataclasses import dataclass
 
@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from webapp.explainer.mdp import DeterministicMDP, Policy, StateAction
+from webapp.explainer.random_step import RandomStep
 
 
 class NeverArrives(ValueError):
@@ -22,6 +23,12 @@ class Trajectory:
 
     Raises:
         ValueError: There is not exactly one state more than there are actions.
+
+    Example:
+        >>> from webapp.explainer import Trajectory
+        >>> path = Trajectory(states=(0, 4, 7), actions=(1, 0))
+        >>> path.num_steps, path.pairs
+        (2, ((0, 1), (4, 0)))
     """
 
     states: tuple[int, ...]
@@ -70,14 +77,31 @@ def distances_to_goal(mdp: DeterministicMDP) -> NDArray[np.float64]:
     Returns:
         `[S]`, 0 at a goal and infinite where no goal can be reached.
     """
+    before, start = _predecessors(mdp)
     distances = np.where(mdp.goal, 0.0, np.inf)
-    frontier = mdp.goal
-    for distance in range(1, mdp.num_states + 1):
-        frontier = frontier[mdp.next_state].any(axis=1) & np.isinf(distances)
-        if not frontier.any():
-            break
+    claim = np.empty(mdp.num_states, dtype=np.int64)
+    frontier = np.flatnonzero(mdp.goal)
+    distance = 0
+    while len(frontier):
+        distance += 1
+        counts = start[frontier + 1] - start[frontier]
+        offsets = np.repeat(start[frontier] - (np.cumsum(counts) - counts), counts)
+        nearby = before[offsets + np.arange(len(offsets))]
+        nearby = nearby[np.isinf(distances[nearby])]
+        # Whoever is named more than once is claimed by one of its namings. That is faster than sorting them.
+        claim[nearby] = np.arange(len(nearby))
+        frontier = nearby[claim[nearby] == np.arange(len(nearby))]
         distances[frontier] = distance
     return distances
+
+
+def _predecessors(mdp: DeterministicMDP) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Return the states that lead to each other state, one state's after another's, and `[S + 1]` where each begin."""
+    own = np.arange(mdp.num_states, dtype=np.int32)
+    origin, action = np.nonzero(mdp.next_state != own[:, None])
+    target = mdp.next_state[origin, action]
+    before = origin.astype(np.int32)[np.argsort(target, kind="stable")]
+    return before, np.concatenate(([0], np.cumsum(np.bincount(target, minlength=mdp.num_states))))
 
 
 def plan(mdp: DeterministicMDP) -> Policy:
@@ -90,8 +114,22 @@ def plan(mdp: DeterministicMDP) -> Policy:
     return policy
 
 
+def tie_averaged_policy(mdp: DeterministicMDP) -> NDArray[np.float64]:
+    """Return the policy that is uniform over all optimal actions: those on a shortest path to a goal.
+
+    `plan` takes one of these paths; importance under this policy does not depend on which.
+
+    Returns:
+        `[S, A]` probabilities. Where no goal can be reached every action is as good as any other, in a goal too.
+    """
+    distances = distances_to_goal(mdp)[mdp.next_state]
+    optimal = distances == distances.min(axis=1, keepdims=True)
+    chances: NDArray[np.float64] = optimal / optimal.sum(axis=1, keepdims=True)
+    return chances
+
+
 def follow(mdp: DeterministicMDP, policy: Policy, start: int | None = None) -> Trajectory:
-    """Follow a policy to the goal.
+    r"""Follow a policy to the goal.
 
     Args:
         mdp: The world.
@@ -100,6 +138,12 @@ def follow(mdp: DeterministicMDP, policy: Policy, start: int | None = None) -> T
 
     Raises:
         NeverArrives: The policy comes back to a state, or the episode ends elsewhere.
+
+    Example:
+        >>> from webapp.explainer import follow, parse_layout, plan_world, tabulate
+        >>> world = tabulate(parse_layout("#######\n#K<.DG#\n#######"))
+        >>> follow(world, plan_world(world)).num_steps
+        7
     """
     state = mdp.start if start is None else start
     states, actions, seen = [state], [], {state}
@@ -120,7 +164,7 @@ def random_phase(
 ) -> NDArray[np.float64]:
     """Return where random actions lead, exactly (Sakai et al. 2021, section 4.2.1).
 
-    The distribution is pushed forward step by step, so the work grows with the states within reach and not with S.
+    This sweeps the whole world; `random_phases.balls` does not, and serves all states of a path at once.
 
     Args:
         mdp: The world.
@@ -134,71 +178,75 @@ def random_phase(
     Raises:
         ValueError: The number of actions is negative.
     """
-    if num_steps < 0:
-        raise ValueError(f"the number of random actions must be 0 or larger, not {num_steps}")
-    states, mass = np.array([start]), np.array([1.0])
-    for _ in range(num_steps):
-        allowed = mdp.selectable[states]
-        if forbidden is not None:
-            allowed[states == forbidden[0], forbidden[1]] = False
-        num_allowed = allowed.sum(axis=1)
-        origins, actions = np.nonzero(allowed)
-        stuck = num_allowed == 0
-        after = np.concatenate((mdp.next_state[states[origins], actions], states[stuck]))
-        shares = np.concatenate((mass[origins] / num_allowed[origins], mass[stuck]))
-        states, places = np.unique(after, return_inverse=True)
-        mass = np.bincount(places, weights=shares)
-    distribution = np.zeros(mdp.num_states)
-    distribution[states] = mass
-    return distribution
+    if forbidden is None:
+        return mdp.random_step.push(np.array([start]), num_steps)[:, 0]
+    selectable = mdp.selectable.copy()
+    selectable[forbidden] = False
+    return RandomStep.of(mdp.next_state, selectable).push(np.array([start]), num_steps)[:, 0]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PolicyForest:
-    """The policy's paths to the goals as trees whose edges point at the goals, numbered in pre-order.
+def steps_to_goal(mdp: DeterministicMDP, policy: Policy) -> NDArray[np.float64]:
+    """Count the actions that a policy takes from every state to a goal.
 
-    Whether the policy leads from one state through another is then a comparison of numbers: the states that pass
-    through a state are its subtree, and a subtree is an interval of the pre-order.
+    Every state is led on by as many actions again as before, so that `log2(S)` rounds lead it to the end.
 
-    Attributes:
-        entry: `[S]`: the pre-order number from 0, or S where the policy never reaches a goal.
-        size: `[S]`: how many states pass through each one, itself included; 0 where the policy never reaches a goal.
+    Returns:
+        `[S]`, 0 at a goal and infinite where the policy never arrives.
+
+    Raises:
+        ValueError: The policy does not fit the world.
     """
-
-    entry: NDArray[np.int64]
-    size: NDArray[np.int64]
-
-    @property
-    def arrives(self) -> NDArray[np.bool_]:
-        """`[S]`: True where the policy reaches a goal."""
-        arrives: NDArray[np.bool_] = self.size > 0
-        return arrives
-
-    def passes_through(self, state: int) -> NDArray[np.bool_]:
-        """Return `[S]`: True where the policy's path to a goal visits the state, the state itself included."""
-        offset = self.entry - self.entry[state]
-        inside: NDArray[np.bool_] = (offset >= 0) & (offset < self.size[state])
-        return inside
+    end = policy_successors(mdp, policy)
+    steps = np.where(mdp.terminal, 0.0, 1.0)
+    for _ in range(_num_doublings(mdp)):
+        steps += steps[end]
+        end = end[end]
+    return np.where(mdp.goal[end], steps, np.inf)
 
 
-def policy_forest(mdp: DeterministicMDP, policy: Policy) -> PolicyForest:
-    """Number the states by a tour of the policy's in-trees; takes O(S) steps and no linear system."""
-    num_states = mdp.num_states
-    after = mdp.next_state[np.arange(num_states), policy]
-    by_successor = np.argsort(after, kind="stable")
-    first = np.searchsorted(after[by_successor], np.arange(num_states + 1))
-    tour: list[int] = []
-    stack = [int(goal) for goal in np.flatnonzero(mdp.goal)]
-    while stack:
-        state = stack.pop()
-        tour.append(state)
-        before = by_successor[first[state] : first[state + 1]]
-        stack.extend(before[~mdp.terminal[before]].tolist())
-    entry = np.full(num_states, num_states, dtype=np.int64)
-    entry[tour] = np.arange(len(tour))
-    size = np.zeros(num_states, dtype=np.int64)
-    for state in reversed(tour):
-        size[state] += 1
-        if not mdp.terminal[state]:
-            size[after[state]] += size[state]
-    return PolicyForest(entry, size)
+def meeting_places(mdp: DeterministicMDP, policy: Policy, path: Trajectory) -> NDArray[np.int32]:
+    """Return where the policy from each state first meets its own path to a goal.
+
+    From there on it follows the path: a state's way passes through place `i` of the path exactly if it meets the path
+    at `i` or before. So all questions about who passes through whom are comparisons of two numbers.
+
+    Args:
+        mdp: The world.
+        policy: `[S]`.
+        path: The policy's path to a goal.
+
+    Returns:
+        `[S]`: from 0 to T, the index into `path.states`; T + 1 where the policy arrives at another goal, and T + 2
+        where it never arrives.
+
+    Raises:
+        ValueError: The policy does not fit the world.
+    """
+    end = policy_successors(mdp, policy)
+    on_path = np.array(path.states)
+    end[on_path] = on_path
+    for _ in range(_num_doublings(mdp)):
+        end = end[end]
+    place = np.where(mdp.goal, path.num_steps + 1, path.num_steps + 2).astype(np.int32)
+    place[on_path] = np.arange(len(on_path))
+    meeting: NDArray[np.int32] = place[end]
+    return meeting
+
+
+def policy_successors(mdp: DeterministicMDP, policy: Policy) -> NDArray[np.int64]:
+    """Return `[S]`: the state that follows each one under a policy; a terminal state follows itself.
+
+    Raises:
+        ValueError: The policy is not one action index per state that has not ended.
+    """
+    if policy.shape != (mdp.num_states,):
+        raise ValueError(f"a policy must have shape {(mdp.num_states,)}, not {policy.shape}")
+    actions = np.where(mdp.terminal, 0, policy)
+    if not np.issubdtype(policy.dtype, np.integer) or actions.min() < 0 or actions.max() >= mdp.num_actions:
+        raise ValueError(f"a policy must hold action indices from 0 to {mdp.num_actions - 1}")
+    return mdp.next_state[np.arange(mdp.num_states), actions].astype(np.int64)
+
+
+def _num_doublings(mdp: DeterministicMDP) -> int:
+    """So many times must a stride of 1 be doubled to be S or more."""
+    return (mdp.num_states - 1).bit_length()

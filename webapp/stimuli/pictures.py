@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from webapp.explainer.mdp import DeterministicMDP
 from webapp.explainer.pictures.render import digest, draw
 from webapp.explainer.pictures.words import describe
-from webapp.explainer.worlds.key_door import KeyDoorState
+from webapp.explainer.worlds.key_door import key_door_state
 from webapp.explainer.worlds.layout import Layout
 from webapp.explainer.worlds.view import View, egocentric_view
 from webapp.stimuli.sources import Sources, phrases
@@ -55,15 +55,3 @@ def draw_album(sources: Sources, worlds: Mapping[str, DeterministicMDP], progres
 
 def _views(layout: Layout, world: DeterministicMDP) -> list[View]:
     return [egocentric_view(layout, key_door_state(world, state)) for state in range(world.num_states)]
-
-
-def key_door_state(world: DeterministicMDP, state: int) -> KeyDoorState:
-    """Return the label of a state of a key-door world.
-
-    Raises:
-        TypeError: The world is no key-door world.
-    """
-    label = world.states[state]
-    if not isinstance(label, KeyDoorState):
-        raise TypeError(f"{label!r} is no state of a key-door world")
-    return label

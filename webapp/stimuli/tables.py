@@ -56,7 +56,7 @@ def table_content(layout: Layout, agent: Agent, way: Walk, numbers: tuple[int, .
     world = agent.world
     return {
         "map": str(layout),
-        "states": world.states,
+        "states": list(world.states),
         "actions": world.actions,
         "next_state": world.next_state.tolist(),
         "terminal": world.terminal.tolist(),

@@ -70,6 +70,16 @@ class ResearcherSession:
     revealed_at: datetime | None
 
 
+def check_name(name: str) -> None:
+    """Make sure that a name can be that of an account.
+
+    Raises:
+        AccountError: It cannot; the message says what can.
+    """
+    if not name or len(name) > MAX_NAME_LENGTH or not name.isprintable() or name != name.strip():
+        raise AccountError(f"{name!r} cannot be a name; use 1 to {MAX_NAME_LENGTH} characters, no blanks at the ends")
+
+
 def create_researcher(database: Database, name: str, password: str, now: datetime) -> None:
     """Make an account.
 
@@ -77,8 +87,7 @@ def create_researcher(database: Database, name: str, password: str, now: datetim
         AccountExistsError: There is one of this name.
         AccountError: The name or the password cannot be used.
     """
-    if not name or len(name) > MAX_NAME_LENGTH or not name.isprintable() or name != name.strip():
-        raise AccountError(f"{name!r} cannot be a name; use 1 to {MAX_NAME_LENGTH} characters, no blanks at the ends")
+    check_name(name)
     if not MIN_PASSWORD_LENGTH <= len(password) <= MAX_PASSWORD_LENGTH:
         raise AccountError(f"a password needs at least {MIN_PASSWORD_LENGTH} characters, not {len(password)}")
     hashed = _HASHER.hash(password)

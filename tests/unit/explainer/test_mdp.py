@@ -2,7 +2,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from webapp.explainer.mdp import DeterministicMDP, enumerate_mdp
@@ -60,7 +60,6 @@ def test_states_are_enumerated_breadth_first_with_actions_in_order() -> None:
     assert mdp.start == 0
 
 
-@settings(deadline=None)
 @given(st.integers(1, 60), st.integers(1, 60), st.data())
 def test_counting_round_a_clock_reaches_every_multiple(size: int, stride: int, data: st.DataObject) -> None:
     first = data.draw(st.integers(0, size - 1))

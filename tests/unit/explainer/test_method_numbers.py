@@ -10,7 +10,7 @@ import pytest
 
 from tests.worlds import LAYOUTS
 from webapp.explainer.explanation import explain
-from webapp.explainer.importance import IMPORTANCE_KINDS, ImportanceKind, exact_importance
+from webapp.explainer.importance import PROBABILITY_KINDS, ProbabilityKind, exact_importance
 from webapp.explainer.key_points import key_point_steps
 from webapp.explainer.mdp import DeterministicMDP, Policy
 from webapp.explainer.questioner import believed_door_at, believed_route, find_split
@@ -46,10 +46,10 @@ def test_the_planner_takes_the_known_path(name: str) -> None:
 
 
 @pytest.mark.parametrize("random_steps", [5, 10, 20])
-@pytest.mark.parametrize("kind", IMPORTANCE_KINDS)
+@pytest.mark.parametrize("kind", PROBABILITY_KINDS)
 @pytest.mark.parametrize("name", GOLDEN)
 def test_importance_threshold_and_subgoals_are_the_known_ones(
-    name: str, kind: ImportanceKind, random_steps: int
+    name: str, kind: ProbabilityKind, random_steps: int
 ) -> None:
     mdp, policy, _ = planned(name)
     known = GOLDEN[name][kind][str(random_steps)]

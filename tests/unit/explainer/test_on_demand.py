@@ -8,7 +8,12 @@ import pytest
 from tests.worlds import LAYOUTS, lay_out
 from webapp.explainer.explanation import Explanation
 from webapp.explainer.learning import TrainingSettings
-from webapp.explainer.on_demand import NotLearned, Request, answer, as_json
+from webapp.explainer.on_demand import answer, as_json
+from webapp.explainer.questioner import Belief
+from webapp.explainer.requests import Request
+from webapp.explainer.subjects import EnvironmentSource, MapSource
+from webapp.explainer.training_cache import NotLearned
+from webapp.explainer.worlds.key_door import ACTIONS
 from webapp.explainer.worlds.layout import Layout, LayoutError
 
 SMALL = lay_out("######", "#>KD.#", "#..#G#", "######")
@@ -26,8 +31,7 @@ class Asker:
     def ask(self, request: Request, layout: Layout = SMALL, settings: TrainingSettings = QUICK) -> Explanation:
         self.reports.clear()
         report = lambda stage, done: self.reports.append((stage, done))
-        _, explanation = answer(layout, request, self.cache, report, settings=settings)
-        return explanation
+        return answer(MapSource(layout), request, self.cache, report, settings).explanation
 
     @property
     def kept(self) -> list[Path]:
@@ -111,7 +115,12 @@ def test_a_goal_out_of_reach_is_refused_before_anything_is_learned(tmp_path: Pat
         ({"seed": -1}, "seed must be 0 or larger, not -1"),
         ({"from_step": 0}, "from_step must be 1 or larger, not 0"),
         ({"route": ()}, "at least one action"),
-        ({"route": ("forward", "up")}, "'up' is not an action; use forward, left, right, pickup, toggle"),
+        ({"discount": 1.0}, "the discount must lie above 0 and below 1, not 1.0"),
+        ({"discount": float("nan")}, "the discount must lie above 0 and below 1, not nan"),
+        ({"stops_early": True}, "only sampling can stop early"),
+        ({"importance": "reward_importance", "estimator": "monte-carlo"}, "reward_importance is not a probability"),
+        ({"threshold": "top-k"}, "top-k needs it"),
+        ({"num_subgoals": 2}, "a number of subgoals belongs to the threshold top-k"),
     ],
 )
 def test_a_request_is_valid_from_birth(wrong: dict[str, object], message: str) -> None:
@@ -120,13 +129,56 @@ def test_a_request_is_valid_from_birth(wrong: dict[str, object], message: str) -
 
 
 def test_an_explanation_as_json_holds_plain_numbers_and_names() -> None:
-    world, found = answer(SMALL, Request(route=("left",)), Path("unused"), lambda stage, done: None)  # noqa: ARG005
-    written = as_json(world, found)
+    request = Request(route=("left",))
+    found = answer(MapSource(SMALL), request, Path("unused"), lambda stage, done: None)  # noqa: ARG005
+    written, explanation = as_json(found, request), found.explanation
     assert written["states"][0] == [1, 1, 0, 0, 0]  # type: ignore[index]
-    assert written["actions"] == [world.actions[action] for action in found.path.actions]
-    assert written["explanation"] == {"step": found.key_points[0], **_named(written, found.key_points[0])}
+    assert written["actions"] == [found.subject.world.actions[action] for action in explanation.path.actions]
+    assert written["explanation"] == {"step": explanation.key_points[0], **_named(written, explanation.key_points[0])}
 
 
 def _named(written: object, step: int) -> dict[str, object]:
     assert isinstance(written, dict)
     return {"state": written["states"][step - 1], "action": written["actions"][step - 1]}
+
+
+def test_a_mistaken_world_is_rolled_out_in_the_learned_one_as_in_the_exact_one(asker: Asker) -> None:
+    belief = Belief(lay_out("######", "#>KD.#", "#G.#.#", "######"))
+    learned = asker.ask(Request(world="learned", belief=belief))
+    exact = asker.ask(Request(belief=belief))
+    assert asker.reports == []
+    assert learned.route == exact.route == (ACTIONS.index("right"), ACTIONS.index("forward"))
+    assert learned.key_points == exact.key_points == exact.subgoals != ()
+
+
+def test_a_believed_map_of_another_size_is_refused_before_anything_is_learned(tmp_path: Path) -> None:
+    asker = Asker(tmp_path / "cache")
+    with pytest.raises(LayoutError, match="the believed map is 7 cells wide and 3 high, the real one 6 and 4"):
+        asker.ask(Request(policy="dqn", belief=Belief(lay_out("#######", "#>KD.G#", "#######"))))
+    assert asker.reports == []
+    assert not asker.cache.exists()
+
+
+def test_an_action_that_a_map_does_not_have_is_refused_before_anything_is_learned(tmp_path: Path) -> None:
+    asker = Asker(tmp_path / "cache")
+    with pytest.raises(ValueError, match="'up' is not an action; use forward, left, right, pickup, toggle"):
+        asker.ask(Request(policy="dqn", route=("forward", "up")))
+    assert asker.reports == []
+
+
+@pytest.mark.parametrize(
+    ("request_", "message"),
+    [
+        (Request(policy="dqn"), "are trained for key-door maps only, not for 'FrozenLake-v1'"),
+        (Request(world="learned"), "are trained for key-door maps only, not for 'FrozenLake-v1'"),
+        (Request(belief=Belief(SMALL)), "a believed map belongs to a map, and 'FrozenLake-v1' is none"),
+    ],
+)
+def test_what_only_maps_have_is_refused_for_an_environment(tmp_path: Path, request_: Request, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        answer(EnvironmentSource("FrozenLake-v1"), request_, tmp_path, lambda stage, done: None)  # noqa: ARG005
+
+
+def test_a_route_and_a_belief_together_are_refused() -> None:
+    with pytest.raises(ValueError, match="a route and a believed map are two ways of asking"):
+        Request(route=("left",), belief=Belief(SMALL))

@@ -1,17 +1,23 @@
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from tests.worlds import LAYOUTS, lay_out
+from tests.worlds import LAYOUTS, lay_out, layouts, reachable_states
 from webapp.explainer.mdp import DeterministicMDP
 from webapp.explainer.questioner import (
+    Belief,
     NoSplit,
     believed_door_at,
     believed_open_door,
     believed_route,
+    believed_states,
     find_split,
+    mistaken_route,
 )
 from webapp.explainer.solvers import NeverArrives, Trajectory, follow, plan
 from webapp.explainer.worlds.key_door import ACTIONS, KeyDoorState, start_state, step, tabulate
+from webapp.explainer.worlds.layout import Cell, Layout, LayoutError
 from webapp.explainer.worlds.view import key_in_view
 
 ROOMY = LAYOUTS["experiment2-a"]
@@ -109,3 +115,88 @@ def test_of_several_surprising_steps_the_last_before_the_key_comes_into_view_is_
     # Going back towards the door would be right at each of steps 3 to 6; at step 7 the key lies two cells ahead.
     assert question.from_step == 6
     assert [ACTIONS[action] for action in question.route] == ["left", "left", *["forward"] * 6]
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_who_believes_what_is_true_goes_as_the_planner_goes(name: str) -> None:
+    layout = LAYOUTS[name]
+    mdp, path = planned(name)
+    for number in range(1, path.num_steps + 1):
+        state = mdp.states[path.states[number - 1]]
+        assert isinstance(state, KeyDoorState)
+        assert mistaken_route(layout, Belief(layout), state) == path.from_step(number).actions
+
+
+def test_the_state_of_the_agent_is_taken_over_and_not_the_one_drawn_on_the_believed_map() -> None:
+    real = lay_out("########", "#>KD..G#", "########")
+    belief = Belief(lay_out("########", "#K.D<.G#", "########"))
+    with_key = KeyDoorState(2, 1, 2, 1, 0)
+    route = [ACTIONS[action] for action in mistaken_route(real, belief, with_key)]
+    assert route == ["left", "left", "toggle", *["forward"] * 4]
+    door_open = with_key._replace(door_open=1, heading=0)
+    assert [ACTIONS[action] for action in mistaken_route(real, belief, door_open)] == ["forward"] * 4
+
+
+@st.composite
+def beliefs(draw: st.DrawFn) -> tuple[Layout, Layout, KeyDoorState]:
+    """Draw a world, what somebody takes for it with its cells in another order, and a state of the real one."""
+    real = draw(layouts(6))
+    rows = str(real).split()
+    order = iter(draw(st.permutations("".join(row[1:-1] for row in rows[1:-1]))))
+    mixed = [f"#{''.join(next(order) for _ in row[1:-1])}#" for row in rows[1:-1]]
+    state = draw(st.sampled_from([s for s in reachable_states(real) if (s.x, s.y) != real.goal]))
+    return real, lay_out(rows[0], *mixed, rows[-1]), state
+
+
+@given(drawn=beliefs())
+@settings(max_examples=100)
+def test_a_believed_route_is_a_shortest_one_or_refused(drawn: tuple[Layout, Layout, KeyDoorState]) -> None:
+    real, believed, state = drawn
+    symbol = str(believed).split()[state.y][state.x]
+    barred = symbol in "#G" or (symbol == "K" and not state.has_key) or (symbol == "D" and not state.door_open)
+    levels = _cells_reached(believed, state)
+    if barred or believed.goal not in set().union(*levels):
+        with pytest.raises(LayoutError, match="where this believed map has" if barred else "cannot be reached"):
+            mistaken_route(real, Belief(believed), state)
+        return
+    route = mistaken_route(real, Belief(believed), state)
+    states = believed_states(Belief(believed), state, route)
+    assert states[0] == state
+    assert [(s.x, s.y) == believed.goal for s in states] == [False] * len(route) + [True]
+    assert len(route) == next(n for n, cells in enumerate(levels) if believed.goal in cells)
+
+
+def _cells_reached(layout: Layout, state: KeyDoorState) -> list[set[Cell]]:
+    """Return the cells in which the agent can be after 0, 1, 2, ... actions, without going back to a state."""
+    frontier, known, levels = {state}, {state}, []
+    while frontier:
+        levels.append({(s.x, s.y) for s in frontier})
+        inside = [s for s in frontier if (s.x, s.y) != layout.goal]
+        frontier = {step(layout, s, action)[0] for s in inside for action in range(len(ACTIONS))} - known
+        known |= frontier
+    return levels
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (("#######", "#>KDG.#", "#######"), "line 3, column 7: the believed map is 7 cells wide and 3 high, the"),
+        (("########", "##>KD.G#", "########"), r"line 2, column 2: .* at \(1, 1\), where .* has a wall"),
+        (("########", "#G>KD..#", "########"), r"line 2, column 2: .* at \(1, 1\), where .* has the goal"),
+        (("########", "#K>D..G#", "########"), r"line 2, column 2: .* at \(1, 1\), where .* has the key"),
+        (("########", "#DK>..G#", "########"), r"line 2, column 2: .* at \(1, 1\), where .* has a locked door"),
+        (("########", "#>KD.#G#", "########"), r"line 2, column 7: .* cannot be reached from \(1, 1\), where the"),
+        (("########", "#>D..#G#", "####K###", "########"), "line 4, column 8: the believed map is"),
+    ],
+)
+def test_a_map_that_does_not_fit_the_agents_state_is_refused(rows: tuple[str, ...], message: str) -> None:
+    real = lay_out("########", "#>KD..G#", "########")
+    with pytest.raises(LayoutError, match=f"^b.txt, {message}"):
+        mistaken_route(real, Belief(lay_out(*rows), "b.txt"), start_state(real))
+
+
+def test_a_key_in_hand_and_an_open_door_are_no_obstacles() -> None:
+    real = lay_out("########", "#>KD..G#", "########")
+    belief = Belief(lay_out("########", "#.>D.KG#", "########"))
+    assert len(mistaken_route(real, belief, KeyDoorState(5, 1, 0, 1, 1))) == 1
+    assert len(mistaken_route(real, belief, KeyDoorState(3, 1, 0, 1, 1))) == 3

@@ -2,7 +2,7 @@ import random
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from webapp.explainer.seeding import seed_sequence, stream, torch_seed
@@ -11,14 +11,12 @@ SEEDS = st.integers(0, 2**64)
 PURPOSES = st.lists(st.text(st.characters(min_codepoint=32, codec="utf-8"), max_size=12), max_size=4).map(tuple)
 
 
-@settings(deadline=None)
 @given(SEEDS, PURPOSES)
 def test_a_stream_is_the_same_for_the_same_seed_and_purpose(seed: int, purpose: tuple[str, ...]) -> None:
     assert np.array_equal(stream(seed, *purpose).random(5), stream(seed, *purpose).random(5))
     assert torch_seed(seed, *purpose) == torch_seed(seed, *purpose)
 
 
-@settings(deadline=None)
 @given(SEEDS, PURPOSES, SEEDS, PURPOSES)
 def test_streams_of_different_seeds_or_purposes_differ(
     seed: int, purpose: tuple[str, ...], other_seed: int, other_purpose: tuple[str, ...]
@@ -33,7 +31,6 @@ def test_purposes_are_told_apart_by_where_one_name_ends() -> None:
     assert stream(0, "ab", "c").random() != stream(0, "a", "bc").random()
 
 
-@settings(deadline=None)
 @given(SEEDS, PURPOSES)
 def test_a_torch_seed_fits_in_63_bits(seed: int, purpose: tuple[str, ...]) -> None:
     assert 0 <= torch_seed(seed, *purpose) < 2**63

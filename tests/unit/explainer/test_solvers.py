@@ -1,4 +1,5 @@
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -13,9 +14,11 @@ from webapp.explainer.solvers import (
     Trajectory,
     distances_to_goal,
     follow,
+    meeting_places,
     plan,
-    policy_forest,
+    policy_successors,
     random_phase,
+    steps_to_goal,
 )
 from webapp.explainer.worlds.key_door import tabulate
 
@@ -100,26 +103,57 @@ def test_a_path_that_starts_in_the_goal_has_no_steps() -> None:
 
 
 @given(mdps_with_policy())
-def test_the_forest_knows_who_arrives_and_who_passes_through_whom(
-    world: tuple[DeterministicMDP, np.ndarray],
-) -> None:
+def test_a_policys_steps_to_the_goal_are_counted_by_walking(world: tuple[DeterministicMDP, np.ndarray]) -> None:
     mdp, policy = world
-    forest = policy_forest(mdp, policy)
     walks = [walk(mdp, policy, state) for state in range(mdp.num_states)]
-    np.testing.assert_array_equal(forest.arrives, [arrives for _, arrives in walks])
-    for state in np.flatnonzero(forest.arrives):
-        expected = [arrives and state in visited for visited, arrives in walks]
-        np.testing.assert_array_equal(forest.passes_through(int(state)), expected)
+    expected = [len(visited) - 1 if arrives else float("inf") for visited, arrives in walks]
+    np.testing.assert_array_equal(steps_to_goal(mdp, policy), expected)
 
 
-@given(mdps_with_policy())
-def test_nobody_is_said_to_pass_through_a_state_that_never_arrives(
-    world: tuple[DeterministicMDP, np.ndarray],
+@given(mdps_with_policy(), st.data())
+def test_who_passes_through_a_place_of_the_path_meets_it_there_or_before(
+    world: tuple[DeterministicMDP, np.ndarray], data: st.DataObject
 ) -> None:
     mdp, policy = world
-    forest = policy_forest(mdp, policy)
-    for state in np.flatnonzero(~forest.arrives):
-        assert not forest.passes_through(int(state)).any()
+    arriving = [state for state in range(mdp.num_states) if walk(mdp, policy, state)[1]]
+    path = follow(mdp, policy, data.draw(st.sampled_from(arriving)))
+    meeting = meeting_places(mdp, policy, path)
+    for state in range(mdp.num_states):
+        visited, arrives = walk(mdp, policy, state)
+        passes = [place for place, on_path in enumerate(path.states) if on_path in visited]
+        assert passes == list(range(meeting[state], path.num_steps + 1))
+        assert arrives == (meeting[state] <= path.num_steps + 1)
+
+
+def test_a_policy_on_a_long_corridor_is_followed_to_its_end() -> None:
+    length = 1000
+    after = np.minimum(np.arange(length) + 1, length - 1).astype(np.int32)[:, None]
+    end = np.arange(length) == length - 1
+    mdp = DeterministicMDP(tuple(range(length)), ("on",), after, end, end.copy(), 0)
+    policy = np.zeros(length, dtype=np.int32)
+    assert steps_to_goal(mdp, policy).tolist() == distances_to_goal(mdp).tolist() == list(range(length - 1, -1, -1))
+    path = follow(mdp, policy, length - 2)
+    assert meeting_places(mdp, policy, path).tolist() == [0] * (length - 1) + [1]
+
+
+@pytest.mark.parametrize("ask", [steps_to_goal, policy_successors])
+@pytest.mark.parametrize(
+    ("policy", "problem"),
+    [
+        (np.zeros(3, dtype=np.int32), r"must have shape \(2,\), not \(3,\)"),
+        (np.array([1, 0]), r"action indices from 0 to 0"),
+        (np.array([-1, 0]), r"action indices from 0 to 0"),
+        (np.array([0.5, 0.0]), r"action indices from 0 to 0"),
+    ],
+)
+def test_a_policy_that_is_none_of_the_world_is_refused(
+    ask: Callable[[DeterministicMDP, np.ndarray], object], policy: np.ndarray, problem: str
+) -> None:
+    end = np.array([False, True])
+    mdp = DeterministicMDP(("here", "goal"), ("go",), np.array([[1], [1]], dtype=np.int32), end, end, 0)
+    with pytest.raises(ValueError, match=problem):
+        ask(mdp, policy)
+    assert policy_successors(mdp, np.array([0, 7])).tolist() == [1, 1]  # What is said of a goal is never used.
 
 
 @given(mdps(), st.integers(0, 6), st.data())

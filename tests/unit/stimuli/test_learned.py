@@ -8,11 +8,11 @@ import pytest
 
 from tests.unit.stimuli.study_folders import quietly, small_study
 from webapp.explainer.learning import TrainingSettings, load
+from webapp.explainer.worlds.key_door import key_door_state
 from webapp.stimuli.agents import BuildError
 from webapp.stimuli.build import build
 from webapp.stimuli.catalogue import Catalogue, current_bundle
 from webapp.stimuli.learned import WEIGHTS, learned_agents
-from webapp.stimuli.pictures import key_door_state
 from webapp.stimuli.sources import read_sources
 from webapp.study.problems import StudyError
 

@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from webapp.explainer.importance import IMPORTANCE_KINDS, ImportanceKind, exact_importance, recurrent_importance
+from webapp.explainer.importance import PROBABILITY_KINDS, ProbabilityKind, exact_importance
 from webapp.explainer.learning import TrainedAgent, load
+from webapp.explainer.sampling import recurrent_importance
 from webapp.explainer.solvers import follow
 from webapp.explainer.worlds.key_door import tabulate
 from webapp.explainer.worlds.layout import Layout
@@ -28,11 +29,11 @@ def agents(built_instance: Path, layouts: dict[str, Layout]) -> dict[str, Traine
     return dict(zip(names, load(folder / WEIGHTS, [layouts[name] for name in names]), strict=True))
 
 
-@pytest.mark.parametrize("kind", IMPORTANCE_KINDS)
+@pytest.mark.parametrize("kind", PROBABILITY_KINDS)
 @pytest.mark.parametrize("random_steps", [5, 10, 20])
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_tabulated_the_learned_world_gives_the_exact_importance(
-    name: str, random_steps: int, kind: ImportanceKind, agents: dict[str, TrainedAgent], layouts: dict[str, Layout]
+    name: str, random_steps: int, kind: ProbabilityKind, agents: dict[str, TrainedAgent], layouts: dict[str, Layout]
 ) -> None:
     exact, learned = tabulate(layouts[name]), agents[name].tabulate()
     results = []
@@ -42,10 +43,10 @@ def test_tabulated_the_learned_world_gives_the_exact_importance(
     np.testing.assert_allclose(results[1], results[0], rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", IMPORTANCE_KINDS)
+@pytest.mark.parametrize("kind", PROBABILITY_KINDS)
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_rolled_out_the_learned_world_gives_nearly_the_exact_importance(
-    name: str, kind: ImportanceKind, agents: dict[str, TrainedAgent], layouts: dict[str, Layout]
+    name: str, kind: ProbabilityKind, agents: dict[str, TrainedAgent], layouts: dict[str, Layout]
 ) -> None:
     world, agent = tabulate(layouts[name]), agents[name]
     policy = agent.policy(world)

@@ -54,6 +54,11 @@ class TrainingSettings:
 
     Raises:
         ValueError: A setting is outside its range; the message names it.
+
+    Example:
+        >>> from webapp.explainer import TrainingSettings
+        >>> TrainingSettings(num_cycles=1).max_iterations
+        1600
     """
 
     num_environments: int = 24

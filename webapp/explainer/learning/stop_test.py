@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from webapp.explainer.learning.agent import AgentNetworks
 from webapp.explainer.mdp import DeterministicMDP
-from webapp.explainer.solvers import distances_to_goal, policy_forest
+from webapp.explainer.solvers import distances_to_goal, steps_to_goal
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +51,9 @@ def judge(networks: AgentNetworks, table: DeterministicMDP) -> Verdict:
     """Compare both networks with the world's table, on every reachable state that does not end the episode."""
     live = np.flatnonzero(~table.terminal)
     policy = networks.policy(table)
-    arrives = policy_forest(table, policy).arrives
-    is_shortest = bool(arrives[table.start]) and _num_steps(table, policy) == distances_to_goal(table)[table.start]
+    steps = steps_to_goal(table, policy)
+    arrives = np.isfinite(steps)
+    is_shortest = bool(arrives[table.start]) and steps[table.start] == distances_to_goal(table)[table.start]
     return Verdict(
         is_optimal=bool(is_shortest),
         num_lost=int((~arrives[live]).sum()),
@@ -68,14 +69,6 @@ def has_flattened(losses: NDArray[np.float64], window: int, max_relative_change:
         return False
     before, now = losses[-2 * window : -window].mean(), losses[-window:].mean()
     return bool(abs(now - before) < max_relative_change * before)
-
-
-def _num_steps(table: DeterministicMDP, policy: NDArray[np.int32]) -> int:
-    state, count = table.start, 0
-    while not table.terminal[state]:
-        state = int(table.next_state[state, policy[state]])
-        count += 1
-    return count
 
 
 def _is_wrong(networks: AgentNetworks, table: DeterministicMDP, live: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -62,7 +62,7 @@ def train(
     seeds: Sequence[int],
     progress: Callable[[Progress], None] | None = None,
 ) -> tuple[TrainedAgent, ...]:
-    """Train one agent per map, all in one stack on one thread.
+    r"""Train one agent per map, all in one stack on one thread.
 
     Every agent is frozen at the first checkpoint at which it passes the stop test, and then leaves the stack. The
     same maps, settings and seeds give the same bytes on the same type of processor and build of torch. Who else is in
@@ -78,6 +78,14 @@ def train(
         LayoutError: A goal cannot be reached.
         ValueError: There is not one seed for each map, or no map.
         TrainingFailed: The budget ended first.
+
+    Example:
+        >>> from webapp.explainer import TrainingSettings, follow, parse_layout, train
+        >>> settings = TrainingSettings(cycle_iterations=400, window_iterations=50, max_relative_change=0.1)
+        >>> (agent,) = train([parse_layout("######\n#>KDG#\n######")], settings, seeds=[0])
+        >>> world = agent.tabulate()
+        >>> [world.actions[action] for action in follow(world, agent.policy(world)).actions]
+        ['pickup', 'forward', 'toggle', 'forward', 'forward']
     """
     if not layouts or len(layouts) != len(seeds):
         raise ValueError(f"training needs maps and as many seeds, not {len(layouts)} and {len(seeds)}")

@@ -5,8 +5,8 @@ bring its own language.
 """
 
 from collections.abc import Mapping
-from string import Formatter
 
+from webapp.explainer.pictures.phrase_tables import phrase_problems
 from webapp.explainer.worlds.view import AGENT, SIZE, Tile, View
 
 PHRASES: Mapping[str, frozenset[str]] = {
@@ -105,17 +105,8 @@ def check_phrases(phrases: Mapping[str, str]) -> None:
     Raises:
         ValueError: Phrases are missing, unknown, alike, or without their placeholders; the message names them all.
     """
-    problems = [f"the phrase {key!r} is missing" for key in PHRASES if key not in phrases]
-    problems += [f"there is no phrase {key!r}" for key in phrases if key not in PHRASES]
-    known = {key: phrases[key] for key in PHRASES if key in phrases}
-    problems += [problem for key, text in known.items() for problem in _placeholder_problems(key, text)]
     joints = {"and", "comma", "semicolon", "sentence", "sentences"}
-    keys_by_text: dict[str, list[str]] = {}
-    for key in known.keys() - joints:
-        keys_by_text.setdefault(known[key].strip().casefold(), []).append(key)
-    alike = sorted(sorted(keys) for keys in keys_by_text.values() if len(keys) > 1)
-    problems += [f"the phrases {', '.join(map(repr, keys))} say the same" for keys in alike]
-    if problems:
+    if problems := phrase_problems(phrases, PHRASES, joints):
         raise ValueError("; ".join(problems))
 
 
@@ -153,15 +144,3 @@ def _chain(parts: list[str], joint: str) -> str:
 
 def _sentence(fact: str, phrases: Mapping[str, str]) -> str:
     return phrases["sentence"].format(text=fact[:1].upper() + fact[1:])
-
-
-def _placeholder_problems(key: str, text: str) -> list[str]:
-    try:
-        fields = [name for _, name, _, _ in Formatter().parse(text) if name is not None]
-    except ValueError as error:
-        return [f"the phrase {key!r} cannot be read: {error}"]
-    wish = sorted(PHRASES[key])
-    if sorted(fields) == wish:
-        return []
-    names = " and ".join(f"{{{name}}}" for name in wish)
-    return [f"the phrase {key!r} must hold {names}" if wish else f"the phrase {key!r} takes no placeholder"]

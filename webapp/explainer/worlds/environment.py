@@ -55,7 +55,10 @@ class KeyDoorEnv(MiniGridEnv):
 
     Attributes:
         layout: The map of the world.
+        action_names: What the actions are called.
     """
+
+    action_names: ClassVar[tuple[str, ...]] = ACTIONS
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 10}  # type: ignore[misc]
 

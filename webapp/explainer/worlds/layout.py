@@ -31,7 +31,7 @@ class LayoutError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """One map, checked by `parse_layout`.
+    r"""One map, checked by `parse_layout`.
 
     Attributes:
         width: Number of columns, the outer walls included.
@@ -42,6 +42,12 @@ class Layout:
         goal: Where the goal is.
         start: Where the agent starts.
         heading: The heading with which the agent starts: 0 right, 1 down, 2 left, 3 up.
+
+    Example:
+        >>> from webapp.explainer import parse_layout
+        >>> layout = parse_layout("#######\n#K<.DG#\n#######")
+        >>> layout.start, layout.key, layout.door, layout.goal
+        ((2, 1), (1, 1), (4, 1), (5, 1))
     """
 
     width: int
@@ -84,7 +90,7 @@ class Layout:
 
 
 def parse_layout(text: str, source: str = "map") -> Layout:
-    """Read and check an ASCII map.
+    r"""Read and check an ASCII map.
 
     Whether the goal can be reached is not a question of the drawing alone; `worlds.key_door.tabulate` answers it.
 
@@ -94,6 +100,11 @@ def parse_layout(text: str, source: str = "map") -> Layout:
 
     Raises:
         LayoutError: The map cannot be used; the message names the line and the column.
+
+    Example:
+        >>> from webapp.explainer import parse_layout
+        >>> parse_layout("#######\n#K<.DG#\n#######").door
+        (4, 1)
     """
     rows = text.rstrip().splitlines()
     if not rows:

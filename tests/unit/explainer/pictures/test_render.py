@@ -65,6 +65,20 @@ print(digest(draw(View((floor, (Tile.FLOOR, Tile.KEY, Tile.FLOOR), floor), has_k
     assert answer.stdout.strip() == digest(draw(with_ahead(Tile.KEY)))
 
 
+def test_a_picture_takes_no_more_room_than_pillow_would_need_for_it() -> None:
+    for view in (OPEN_FLOOR, before_a_wall(), *map(with_ahead, THINGS_AHEAD)):
+        picture, buffer = draw(view), BytesIO()
+        Image.open(BytesIO(picture)).save(buffer, format="PNG", compress_level=8)
+        assert len(picture) < 1.02 * len(buffer.getvalue())
+
+
+@pytest.mark.parametrize("size", [3, 24, 288])
+def test_every_colour_of_a_picture_is_in_its_palette(size: int) -> None:
+    for view in (OPEN_FLOOR, before_a_wall(), *map(with_ahead, THINGS_AHEAD)):
+        image = Image.open(BytesIO(draw(view, size)))
+        assert np.asarray(image).max() < len(image.getpalette() or []) // 3
+
+
 def test_a_picture_is_named_by_its_sha256() -> None:
     assert digest(b"picture") == hashlib.sha256(b"picture").hexdigest()
 

@@ -2,15 +2,18 @@ import io
 
 import numpy as np
 import pytest
+from rich.cells import cell_len
 from rich.console import Console
 
 from tests.worlds import LAYOUTS, lay_out
 from webapp.explainer.explanation import Explanation, explain
 from webapp.explainer.importance import Importance, exact_importance
 from webapp.explainer.mdp import DeterministicMDP
+from webapp.explainer.pictures.sentences import load_phrases, subgoal_sentences
 from webapp.explainer.pictures.terminal import Report
+from webapp.explainer.questioner import Belief, mistaken_route
 from webapp.explainer.solvers import Trajectory, plan
-from webapp.explainer.worlds.key_door import tabulate
+from webapp.explainer.worlds.key_door import start_state, tabulate
 from webapp.explainer.worlds.layout import Layout
 
 CORRIDOR = lay_out("#######", "#>KD.G#", "#######")
@@ -149,3 +152,53 @@ def test_only_key_door_worlds_can_be_drawn() -> None:
     nothing = Explanation(Trajectory((0, 1), (0,)), Importance(np.zeros(2), None), (), None, 1, ())
     with pytest.raises(TypeError, match="'a' is no state of one"):
         printed(Report(CORRIDOR, other, nothing, "other", "not a map"))
+
+
+def mistaken(language: str = "en") -> Report:
+    layout = LAYOUTS["simulation"]
+    belief = Belief(layout.with_door_at((4, 2)), "another door")
+    mdp = tabulate(layout)
+    policy = plan(mdp)
+    route = mistaken_route(layout, belief, start_state(layout))
+    found = explain(mdp, policy, lambda path: exact_importance("return_probability", mdp, policy, path, 10), route)
+    told = subgoal_sentences(layout, mdp, found, load_phrases(language))
+    return Report(layout, mdp, found, "simulation", "exactly", belief, told)
+
+
+def test_a_believed_route_is_drawn_on_the_believed_map_and_on_the_real_one() -> None:
+    lines = printed(mistaken(), 120)
+    maps = [line.split("   ")[-2:] for line in lines[4:12]]
+    assert [believed for believed, _ in maps] == [
+        "████████████████",
+        "██K ↓ · ██· · ██",
+        "██· → → → → ↓ ██",
+        "██· ↑ · ██· ↓ ██",
+        "██· ↑ · ██· ↓ ██",
+        "██· ↑ · ██· ↓ ██",
+        "██· ↑ · ██· G ██",
+        "████████████████",
+    ]
+    assert maps[2][1] == "██· → ↓ ██· · ██"
+    assert maps[4][1] == "██· ↑ ↓ D · · ██"
+    assert lines[3].split()[-6:] == ["as", "believed", "what", "comes", "of", "it"]
+
+
+@pytest.mark.parametrize("language", ["en", "ja"])
+@pytest.mark.parametrize("width", [40, 80, 120])
+def test_sentences_are_no_wider_than_the_console_and_lose_no_letter(width: int, language: str) -> None:
+    report = mistaken(language)
+    lines = printed(report, width)
+    assert all(cell_len(line) <= width for line in lines)
+    text = "".join("".join(lines).split())
+    for mark, told in zip("○★●", report.sentences.values(), strict=True):
+        assert f"{mark}{''.join(told.split())}" in text
+
+
+def test_a_subgoal_that_nobody_asks_about_is_told_with_its_own_mark() -> None:
+    layout = LAYOUTS["simulation"]
+    plain = simulation()
+    told = {7: "the first", 16: "the second"}
+    lines = printed(Report(layout, plain.mdp, plain.explanation, "simulation", "exactly", None, told))
+    assert "○ the first" in lines
+    assert "○ the second" in lines
+    assert lines.index("○ the first") > max(n for n, line in enumerate(lines) if line.startswith("  20  "))

@@ -96,7 +96,7 @@ def test_the_words_hold_every_fact_of_every_view_of_the_study() -> None:
         assert understood(describe(view, PHRASES)) == view
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(layouts())
 def test_the_words_hold_every_fact_of_any_view(layout: Layout) -> None:
     for view in all_views(layout):
@@ -123,7 +123,7 @@ def test_the_studys_own_phrases_tell_its_views_apart() -> None:
     assert len({describe(view, phrases) for view in views}) == len(views)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(layouts())
 def test_any_views_have_the_same_words_exactly_if_they_have_the_same_picture(layout: Layout) -> None:
     assert_same_words_exactly_if_same_picture(all_views(layout))

@@ -89,7 +89,7 @@ def test_every_transition_agrees_with_the_rules(layout: Layout) -> None:
     assert_steps_agree(KeyDoorEnv(layout), reachable_states(layout))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(layouts())
 def test_every_transition_of_any_world_agrees_with_the_rules(layout: Layout) -> None:
     assert_steps_agree(KeyDoorEnv(layout), reachable_states(layout))
@@ -103,7 +103,7 @@ def test_transitions_agree_in_the_world_of_somebody_who_believes_the_door_open()
     assert_steps_agree(KeyDoorEnv(layout), states)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(layouts(), st.lists(st.sampled_from(range(5)), min_size=50, max_size=300))
 def test_long_episodes_agree_with_plain_minigrid(layout: Layout, actions: list[int]) -> None:
     ours, plain = KeyDoorEnv(layout), PlainMiniGrid(layout)

@@ -1,7 +1,10 @@
+import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.worlds import LAYOUTS, lay_out, layouts, reachable_states
+from webapp.explainer.mdp import enumerate_mdp
 from webapp.explainer.worlds.key_door import (
     ACTIONS,
     FORWARD,
@@ -98,7 +101,7 @@ def test_the_simulation_layout_has_the_papers_number_of_states() -> None:
     assert mdp.states[mdp.start] == KeyDoorState(2, 6, 3, 0, 0)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(layouts())
 def test_the_table_says_what_the_rules_say(layout: Layout) -> None:
     mdp = enumerate_from(layout, start_state(layout))
@@ -109,6 +112,26 @@ def test_the_table_says_what_the_rules_say(layout: Layout) -> None:
         if not mdp.terminal[i]:
             after = [mdp.states[j] for j in mdp.next_state[i]]
             assert after == [step(layout, state, action)[0] for action in range(len(ACTIONS))]
+
+
+@settings(max_examples=40)
+@given(layouts(), st.data())
+def test_the_states_are_numbered_breadth_first_from_wherever_one_begins(layout: Layout, data: st.DataObject) -> None:
+    begun = [state for state in reachable_states(layout) if (state.x, state.y) != layout.goal]
+    start = data.draw(st.sampled_from(begun))._replace(door_open=data.draw(st.integers(0, 1)))
+    expected = enumerate_mdp(start, ACTIONS, lambda state, action: step(layout, state, action))
+    found = enumerate_from(layout, start)
+    assert found.states == expected.states
+    for part in ("next_state", "terminal", "goal"):
+        np.testing.assert_array_equal(getattr(found, part), getattr(expected, part))
+    assert (found.actions, found.start) == (expected.actions, expected.start)
+
+
+def test_more_states_than_allowed_are_refused() -> None:
+    layout = LAYOUTS["simulation"]
+    assert enumerate_from(layout, start_state(layout), max_states=308).num_states == 308
+    with pytest.raises(ValueError, match="more than 307 states can be reached; raise the limit or abstract them"):
+        enumerate_from(layout, start_state(layout), max_states=307)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from tests.worlds import LAYOUT_FILES, map_texts
 from webapp.explainer.worlds.layout import LayoutError, parse_layout
@@ -28,7 +28,6 @@ def test_each_agent_symbol_is_a_heading(symbol: str, heading: int) -> None:
     assert parse_layout(GOOD.replace(">", symbol)).heading == heading
 
 
-@settings(deadline=None)
 @given(map_texts())
 def test_a_map_of_any_size_is_read_and_drawn_back(text: str) -> None:
     assert str(parse_layout(text)) == text

@@ -65,7 +65,7 @@ def test_views_are_minigrids(layout: Layout) -> None:
     assert_views_agree_with_minigrid(layout)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(layouts())
 def test_views_of_any_world_are_minigrids(layout: Layout) -> None:
     assert_views_agree_with_minigrid(layout)
@@ -98,7 +98,7 @@ def turned(layout: Layout) -> Layout:
     return parse_layout(text.translate({ord(HEADINGS[i]): HEADINGS[(i + 1) % 4] for i in range(4)}))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(layouts())
 def test_a_view_does_not_depend_on_which_way_the_world_is_turned(layout: Layout) -> None:
     for state in reachable_states(layout):

@@ -1,8 +1,8 @@
 """Algorithm 1's rollouts through a recurrent world model: many walkers at once, the hidden state carried along.
 
 A walker starts with a zero hidden state in a state of the path, takes random actions and then the policy's. What the
-model predicts is what the walker observes next. Sakai et al. 2021, section 4.2.1 and Algorithm 1; `rollouts` does the
-same on a table.
+model predicts is what the walker observes next. Sakai et al. 2021, section 4.2.1 and Algorithm 1; `table` does the same
+on a table.
 """
 
 from dataclasses import dataclass
@@ -13,9 +13,14 @@ import torch
 from numpy.typing import NDArray
 
 from webapp.explainer.mdp import DeterministicMDP, Policy, StateAction
+from webapp.explainer.solvers import Trajectory
+from webapp.explainer.trials import Question, Tally, in_turns
 
 Indices = NDArray[np.int64]
 """`[N]` state indices, one per walker."""
+
+_MAX_WALKERS = 10_000
+"""So many rollouts run at once: each takes A copies of its hidden state, some 10 KiB."""
 
 
 class RecurrentWorldModel(Protocol):
@@ -59,33 +64,60 @@ class Walkers:
     states: torch.Tensor
 
 
-def seeded(seed: int) -> torch.Generator:
-    """Return a stream of draws for rollouts, for callers that do not load torch themselves."""
-    return torch.Generator().manual_seed(seed)
-
-
 class RecurrentRollouts:
-    """Rollouts of one policy in one recurrent world model.
+    """Rollouts of one policy from the states of its path in one recurrent world model.
 
     The policy is that of a table of the world; a walker that the model sends to a state which the table does not have
     is lost: it stays there, and neither returns nor arrives.
     """
 
-    def __init__(self, model: RecurrentWorldModel, mdp: DeterministicMDP, policy: Policy) -> None:
+    def __init__(self, model: RecurrentWorldModel, mdp: DeterministicMDP, policy: Policy, path: Trajectory) -> None:
         """Prepare rollouts.
 
         Args:
             model: The world model.
             mdp: The world's table, whose labels are tuples of as many numbers as the model's states have components.
             policy: `[S]` on that table.
+            path: The policy's path to the goal.
         """
         labels = torch.from_numpy(np.array(mdp.states, dtype=np.int64))
-        self._model, self._mdp = model, mdp
+        self._model, self._mdp, self._path = model, mdp, path
         self._labels = labels
         self._sizes = labels.max(dim=0).values + 1
         self._index_of = torch.full((int(self._sizes.prod()),), mdp.num_states)
         self._index_of[self._number(labels)] = torch.arange(mdp.num_states)
         self._policy = torch.from_numpy(policy.astype(np.int64))
+
+    def count(self, question: Question, random_steps: int, num_trials: int, generator: torch.Generator) -> Tally:
+        """Run as many rollouts from each of the path's `T` states but the target, and count.
+
+        A walker that takes S actions of the policy without success counts as broken off: on a table it would move in a
+        loop, but a hidden state may lead out of one.
+
+        Args:
+            question: What makes a rollout a success.
+            random_steps: r, at least 0: the random actions before the policy's.
+            num_trials: Of each state, at least 0.
+            generator: The stream of the draws.
+
+        Raises:
+            ValueError: The number of random actions is negative.
+        """
+
+        def run(size: int) -> Tally:
+            featured = np.array(self._path.states[:-1], dtype=np.int64).repeat(size)
+            forbidden = [pair for pair in self._path.pairs for _ in range(size)]
+            denied = question == "arrives_denied"
+            walkers = self.walk_randomly(
+                self.start(featured), random_steps, generator, forbidden=forbidden if denied else None
+            )
+            if question == "returns":
+                succeeded, truncated = self.returns(walkers, featured)
+            else:
+                succeeded, truncated = self.arrivals(walkers, blocked=featured if denied else None)
+            return Tally(size, succeeded.reshape(-1, size).sum(axis=1), truncated.reshape(-1, size).sum(axis=1))
+
+        return in_turns(run, self._path.num_steps, num_trials, _MAX_WALKERS)
 
     def start(self, indices: Indices) -> Walkers:
         """Return walkers in some states of the table, `[N]` indices, with the hidden state of an episode's begin."""
@@ -132,18 +164,17 @@ class RecurrentRollouts:
             )
         return walkers
 
-    def returns(self, walkers: Walkers, featured: Indices) -> NDArray[np.bool_]:
+    def returns(self, walkers: Walkers, featured: Indices) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Follow the policy from each walker until the goal or until the featured state.
 
-        The test for the featured state comes after each action, as in Algorithm 1. A walker that takes S actions
-        without meeting either moves in a loop and never returns.
+        The test for the featured state comes after each action, as in Algorithm 1.
 
         Args:
             walkers: N of them.
             featured: `[N]`: the index of each one's `s_f`.
 
         Returns:
-            `[N]`: True for the walkers that meet it.
+            `[N]` and `[N]`: True for the walkers that meet it, and for those still on their way after S actions.
         """
         returned = torch.zeros(len(walkers.states), dtype=torch.bool)
         on_way = torch.arange(len(walkers.states))
@@ -155,9 +186,11 @@ class RecurrentRollouts:
             met = self._is_at(walkers, featured[on_way.numpy()])
             returned[on_way[met]] = True
             walkers, on_way = self._select(walkers, on_way, ~met & ~ended)
-        return returned.numpy()
+        return returned.numpy(), self._marked(on_way, len(returned))
 
-    def arrivals(self, walkers: Walkers, *, blocked: Indices | None = None) -> NDArray[np.bool_]:
+    def arrivals(
+        self, walkers: Walkers, *, blocked: Indices | None = None
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Follow the policy from each walker until the episode ends.
 
         Args:
@@ -166,7 +199,8 @@ class RecurrentRollouts:
                 whoever stands there is stuck.
 
         Returns:
-            `[N]`: True for the walkers whose episode ends in a goal. One that takes S actions without moves in a loop.
+            `[N]` and `[N]`: True for the walkers whose episode ends in a goal, and for those still on their way after
+            S actions.
         """
         arrived = torch.zeros(len(walkers.states), dtype=torch.bool)
         on_way = torch.arange(len(walkers.states))
@@ -180,7 +214,14 @@ class RecurrentRollouts:
             walkers, ended = self._follow(walkers)
             arrived[on_way[ended & self._holds(self._mdp.goal, walkers)]] = True
             walkers, on_way = self._select(walkers, on_way, ~ended)
-        return arrived.numpy()
+        return arrived.numpy(), self._marked(on_way, len(arrived))
+
+    @staticmethod
+    def _marked(who: torch.Tensor, num_walkers: int) -> NDArray[np.bool_]:
+        """Return `[N]`: True for some walkers."""
+        flags = np.zeros(num_walkers, dtype=np.bool_)
+        flags[who.numpy()] = True
+        return flags
 
     def _look_ahead(self, walkers: Walkers) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Predict every action: hidden states `[N, A, units]`, states `[N, A, components]`, selectable `[N, A]`."""

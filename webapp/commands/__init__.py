@@ -1,0 +1,1 @@
+"""The verbs of `xar` that explain and compare, one module each."""
