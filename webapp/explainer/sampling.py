@@ -149,34 +149,6 @@ def sample_recurrent(
     return spend(kind, path, rule, lambda question, size: rollouts.count(question, random_steps, size, generator))
 
 
-def sampled_importance(
-    kind: ProbabilityKind,
-    world: World,
-    policy: AnyPolicy,
-    path: Trajectory,
-    random_steps: int,
-    num_trials: int,
-    seed: int,
-    device: str | None = None,
-) -> Importance:
-    """Estimate the importance of every state from a fixed number of trials on the table; see `sample`."""
-    return sample(kind, world, policy, path, random_steps, StopRule(num_trials), seed, device).importance
-
-
-def recurrent_importance(
-    kind: ProbabilityKind,
-    model: "RecurrentWorldModel",
-    mdp: DeterministicMDP,
-    policy: Policy,
-    path: Trajectory,
-    random_steps: int,
-    num_trials: int,
-    seed: int,
-) -> Importance:
-    """Estimate the importance of every state from a fixed number of trials in the model; see `sample_recurrent`."""
-    return sample_recurrent(kind, model, mdp, policy, path, random_steps, StopRule(num_trials), seed).importance
-
-
 def spend(kind: ProbabilityKind, path: Trajectory, rule: StopRule, count: Count) -> Sampled:
     """Spend trials until the rule ends it, whatever it is that runs them.
 

@@ -6,6 +6,7 @@ Plemmons 1994, chapter 6). So an `x` with the residual `r` is no further from th
 `|r| / A t` times `t`. One approximate `t`, the expected number of steps, serves every right-hand side.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -145,7 +146,7 @@ class TransientSystem:
         return self._method
 
 
-class _Method:
+class _Method(ABC):
     """A way to approximate solutions, with what shows how far off they are.
 
     Attributes:
@@ -159,13 +160,13 @@ class _Method:
     rounding: float
     escape_rounding: float
 
+    @abstractmethod
     def moved(self, values: Vector) -> Vector:
         """Return `[N]`: the moves to other states times the values."""
-        raise NotImplementedError
 
+    @abstractmethod
     def approximations(self, right_side: Vector, tolerance: float) -> Iterator[Vector]:
         """Yield solutions, the first one to a tolerance of the approximate inverse of its residual, if it can."""
-        raise NotImplementedError
 
     def guesses(self) -> Iterator[Vector]:
         """Yield what may be near the expected number of steps."""

@@ -145,8 +145,8 @@ def test_by_hand_the_other_action_is_the_best_one_while_the_prohibition_lasts() 
 @settings(max_examples=80)
 def test_the_other_action_is_the_best_of_all_worlds_that_forbid_the_policys(drawn: FractionWorld) -> None:
     path = some_path(drawn)
-    if path is None:
-        return
+    assume(path is not None)
+    assert path is not None
     lost = exact_importance("reward_importance", as_mdp(drawn), policy_of(drawn), path, discount=0.9)
     expected = [float(drawn.reward_importance(state, Fraction(9, 10))) for state in path.states[:-1]]
     assert lost.values == pytest.approx([*expected, 0.0], abs=lost.error_bound + ROUNDING)
@@ -157,8 +157,8 @@ def test_the_other_action_is_the_best_of_all_worlds_that_forbid_the_policys(draw
 @settings(max_examples=200)
 def test_where_a_state_is_not_met_again_the_other_action_has_the_highest_plain_value(drawn: FractionWorld) -> None:
     path = some_path(drawn)
-    if path is None:
-        return
+    assume(path is not None)
+    assert path is not None
     lost = exact_importance("reward_importance", as_mdp(drawn), policy_of(drawn), path, discount=0.9)
     for state, found in zip(path.states[:-1], lost.values, strict=False):
         if drawn.others(state) and not drawn.meets_again(state):

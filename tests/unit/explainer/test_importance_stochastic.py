@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from tests.mdps import mdps
@@ -141,8 +141,8 @@ def test_by_hand_two_ways_that_are_equally_short() -> None:
 @settings(max_examples=60)
 def test_importance_equals_brute_force_in_fractions(drawn: FractionWorld, random_steps: int) -> None:
     path = some_path(drawn)
-    if path is None:
-        return
+    assume(path is not None)
+    assert path is not None
     mdp, policy = as_mdp(drawn), policy_of(drawn)
     states = path.states[:-1]
     returned = return_probability(mdp, policy, path, random_steps)

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from tests.sampled import recurrent_importance
 from tests.worlds import LAYOUTS
 from webapp.explainer.importance import PROBABILITY_KINDS, ProbabilityKind, exact_importance
 from webapp.explainer.mdp import DeterministicMDP
-from webapp.explainer.sampling import recurrent_importance, sample_recurrent
+from webapp.explainer.sampling import sample_recurrent
 from webapp.explainer.solvers import Trajectory, follow, plan
 from webapp.explainer.stop_rule import StopRule
 from webapp.explainer.subgoals import importance_threshold

@@ -11,12 +11,13 @@ from hypothesis import strategies as st
 
 from tests.conftest import ROOT
 from tests.mdps import mdps_with_policy
+from tests.sampled import sampled_importance
 from tests.stochastic_mdps import FractionWorld, as_mdp, fraction_worlds, policy_of, some_path
 from tests.worlds import LAYOUTS
 from webapp.explainer.batched_rollouts import table
 from webapp.explainer.importance import PROBABILITY_KINDS, Importance, ProbabilityKind, exact_importance
 from webapp.explainer.mdp import DeterministicMDP
-from webapp.explainer.sampling import Sampled, sample, sampled_importance, spend
+from webapp.explainer.sampling import Sampled, sample, spend
 from webapp.explainer.solvers import NeverArrives, Trajectory, follow, plan, tie_averaged_policy
 from webapp.explainer.stochastic import AnyPolicy, StochasticMDP, World, from_deterministic, from_outcomes
 from webapp.explainer.stop_rule import StopRule
@@ -274,7 +275,7 @@ def test_the_largest_budget_takes_no_more_memory_than_a_small_one() -> None:
     code = """
 import resource, sys
 from tests.worlds import LAYOUTS
-from webapp.explainer.sampling import sampled_importance
+from tests.sampled import sampled_importance
 from webapp.explainer.solvers import follow, plan
 from webapp.explainer.worlds.key_door import tabulate
 mdp = tabulate(LAYOUTS["simulation"])

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.sampled import recurrent_importance
 from webapp.explainer.importance import PROBABILITY_KINDS, ProbabilityKind, exact_importance
 from webapp.explainer.learning import TrainedAgent, load
-from webapp.explainer.sampling import recurrent_importance
 from webapp.explainer.solvers import follow
 from webapp.explainer.worlds.key_door import tabulate
 from webapp.explainer.worlds.layout import Layout
