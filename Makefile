@@ -39,14 +39,14 @@ format: install  ## Format the Python files and mend what can be mended
 	$(BIN)/ruff format .
 
 bench: install  ## Time what the documentation promises
-	@status=0; for part in promises exact_importance batched_sampling reachability scale pictures; do \
+	@status=0; for part in promises exact_importance batched_sampling reachability scale pictures learning_runs; do \
 		echo "== $$part"; $(BIN)/python -m tests.benchmarks.$$part || status=1; done; exit $$status
 
 soak: install  ## Send 200 participants through a server and compare what is stored with what was acknowledged
 	$(BIN)/python -m tests.benchmarks.soak
 
 lock: install  ## Compile constraints.txt anew from pyproject.toml
-	$(BIN)/uv pip compile --quiet --upgrade --python-version 3.11 --extra test --extra dev \
+	$(BIN)/uv pip compile --quiet --upgrade --python-version 3.11 --extra test --extra dev --extra dask \
 		--output-file constraints.txt pyproject.toml
 
 clean:  ## Remove caches and the environment; databases, secrets and bundles in instance/ stay

@@ -11,6 +11,7 @@ import click
 from webapp.command_line import CommandError, OneLineErrors
 from webapp.commands.comparing import compare
 from webapp.commands.explaining import explain
+from webapp.commands.simulating import simulate
 
 
 @click.group(cls=OneLineErrors, context_settings={"help_option_names": ["-h", "--help"], "show_default": True})
@@ -106,6 +107,7 @@ def export(folder: Path) -> None:
 
 main.add_command(explain)
 main.add_command(compare)
+main.add_command(simulate)
 
 
 @contextmanager

@@ -4,8 +4,7 @@ Sakai et al. 2021, section 4.1. The DQN is a Double DQN (van Hasselt et al. 2016
 slowly; the world model learns by cross-entropy, component by component.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +27,7 @@ from webapp.explainer.learning.networks import (
 )
 from webapp.explainer.learning.replay import Codes, Experience
 from webapp.explainer.learning.settings import TrainingSettings
+from webapp.explainer.learning.threads import one_thread
 from webapp.explainer.seeding import torch_seed
 from webapp.explainer.worlds.layout import Layout
 
@@ -89,7 +89,7 @@ def train(
     """
     if not layouts or len(layouts) != len(seeds):
         raise ValueError(f"training needs maps and as many seeds, not {len(layouts)} and {len(seeds)}")
-    with _one_thread():
+    with one_thread():
         run = _Run(layouts, settings, seeds)
         for iteration in range(1, settings.max_iterations + 1):
             run.iterate(iteration - 1)
@@ -252,17 +252,6 @@ class _Run:
         """Tell each agent its losses `[A, N]` on pairs `[A, N]`."""
         for agent, own_pairs, own_losses in zip(self._learning.values(), pairs, losses.numpy(), strict=True):
             agent.note(network, own_pairs, own_losses)
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Let torch use one thread: more are slower at these sizes, and their number changes last bits."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 def _generator(seed: int, layout: Layout) -> torch.Generator:

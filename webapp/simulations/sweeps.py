@@ -1,0 +1,101 @@
+"""A sweep: many learning runs, cut into stacks, spread over workers, kept one stack after another."""
+
+from collections.abc import Callable, Sequence
+
+import pandas as pd
+
+from webapp.explainer.learning.fresh_agents import FreshAgent, Outcome, learn
+from webapp.explainer.learning.fresh_settings import FreshSettings
+from webapp.explainer.worlds.layout import parse_layout
+from webapp.simulations.conditions import Condition, PlannedRun, planned_runs, units
+from webapp.simulations.run_folders import Row, RunFolder
+from webapp.simulations.schedulers import Scheduler, work_off
+from webapp.simulations.settings import SweepSettings
+
+ReportRuns = Callable[[int, int], None]
+"""Takes how many runs are done, and how many there are."""
+
+COLUMNS = (
+    "run_id",
+    "condition",
+    "kind",
+    "variant",
+    "steps",
+    "keeps_optimum",
+    "number",
+    "episodes",
+    "is_optimal",
+    "actions",
+    "goals",
+    "first_goal",
+)
+"""Of the rows: `episodes` is the budget where `is_optimal` is 0, and the run is censored there."""
+
+
+def sweep(
+    conditions: Sequence[Condition],
+    settings: SweepSettings,
+    folder: RunFolder,
+    scheduler: Scheduler,
+    report: ReportRuns,
+) -> pd.DataFrame:
+    """Run what the folder does not have yet and return all rows, in the order of the conditions.
+
+    Args:
+        conditions: The groups.
+        settings: How many runs, and how they learn.
+        folder: Where each finished unit is kept at once.
+        scheduler: Where to run.
+        report: Told of every finished unit.
+
+    Raises:
+        SchedulerError: The scheduler cannot be used, or cannot go on.
+    """
+    runs = planned_runs(conditions, settings.num_runs)
+    stacks = dict(enumerate(units(runs, settings.runs_per_stack)))
+    report(_num_done(folder), len(runs))
+    todo = [(number, _unit(stack, settings)) for number, stack in stacks.items() if number not in folder.finished]
+    for number, outcomes in work_off(scheduler, _learn_stack, todo):
+        folder.keep(number, [_row(run, outcome) for run, outcome in zip(stacks[number], outcomes, strict=True)])
+        report(_num_done(folder), len(runs))
+    rows = [row for number in sorted(folder.finished) for row in folder.finished[number]]
+    return as_rows(rows)
+
+
+def as_rows(rows: Sequence[Row]) -> pd.DataFrame:
+    """Return rows as a table whose columns have types of their own."""
+    table = pd.DataFrame(list(rows), columns=list(COLUMNS))
+    numbers = ("number", "episodes", "actions", "goals", "first_goal", "is_optimal", "keeps_optimum")
+    return table.astype(dict.fromkeys(numbers, "Int64"))
+
+
+def _num_done(folder: RunFolder) -> int:
+    return sum(len(rows) for rows in folder.finished.values())
+
+
+def _unit(stack: Sequence[PlannedRun], settings: SweepSettings) -> tuple[object, ...]:
+    agents = tuple(FreshAgent(run.run_id, run.condition.pairs, once=run.condition.variant == "once") for run in stack)
+    return settings.layout, agents, settings.fresh, settings.seed
+
+
+def _learn_stack(layout: str, agents: Sequence[FreshAgent], settings: FreshSettings, seed: int) -> tuple[Outcome, ...]:
+    """Do one unit of work, wherever that is."""
+    return learn(parse_layout(layout), agents, settings, seed)
+
+
+def _row(run: PlannedRun, outcome: Outcome) -> Row:
+    condition = run.condition
+    return {
+        "run_id": run.run_id,
+        "condition": condition.name,
+        "kind": condition.kind,
+        "variant": condition.variant,
+        "steps": condition.told,
+        "keeps_optimum": int(condition.keeps_optimum),
+        "number": run.number,
+        "episodes": outcome.num_episodes,
+        "is_optimal": int(outcome.is_optimal),
+        "actions": outcome.num_steps,
+        "goals": outcome.num_goals,
+        "first_goal": outcome.first_goal,
+    }
