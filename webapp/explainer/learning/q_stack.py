@@ -46,7 +46,7 @@ class QStack:
             (1, units),
             (units, units),
             (1, units),
-            (units, self._num_actions),
+            (self._num_actions, units),
             (1, self._num_actions),
         ]
         # As torch.nn.Linear does, but for the number of inputs that are not 0 at once.
@@ -55,7 +55,7 @@ class QStack:
         length = -(-sum(rows * columns for rows, columns in self._shapes) // _ROW_MULTIPLE) * _ROW_MULTIPLE
         flat = torch.zeros(num_slots, length)
         self._gradients = torch.zeros(num_slots, length)
-        self._layers = [layer.requires_grad_() for layer in self._cut(flat)]
+        self._layers = self._cut(flat)
         self._gradient_layers = self._cut(self._gradients)
         self._rows = [torch.nn.Parameter(flat[slot]) for slot in range(num_slots)]
         self._optimizer = torch.optim.Adam(self._rows, lr=settings.learning_rate, fused=True)
@@ -67,20 +67,19 @@ class QStack:
         self._optimizer.state.pop(row, None)
         for layer, fan in zip(self._layers, self._fans, strict=True):
             drawn = rng.random(tuple(layer.shape[1:]), dtype=np.float32) * 2 - 1
-            layer.data[slot] = torch.from_numpy(drawn) / fan**0.5
+            layer[slot] = torch.from_numpy(drawn) / fan**0.5
         self.renew_target(slot)
 
     def greedy(self, states: Codes) -> Codes:
         """Return the action of the highest value `[W]` in each slot's state `[W]`, the lowest if they are equal."""
-        with torch.no_grad():
-            values = _values(self._layers, self._observations[torch.from_numpy(states)][:, None])
+        _, _, values = _activations(self._layers, self._observations[torch.from_numpy(states)][:, None])
         actions: Codes = values[:, 0].argmax(dim=1).numpy()
         return actions
 
     def values(self, slot: int) -> torch.Tensor:
         """Return one agent's values `[S, A]`."""
-        with torch.no_grad():
-            return _values([layer[slot : slot + 1] for layer in self._layers], self._observations[None])[0]
+        own = [layer[slot : slot + 1] for layer in self._layers]
+        return _activations(own, self._observations[None])[2][0]
 
     def policy(self, slot: int) -> Codes:
         """Return the greedy action `[S]` of one agent in every state."""
@@ -103,18 +102,34 @@ class QStack:
         every = np.arange(len(codes))[:, None]
         targets = rewards + np.float32(self._settings.discount) * self._ahead[every, self._next_state[codes]]
         states, actions = np.divmod(codes, self._num_actions)
-        values = _values(self._layers, self._observations[torch.from_numpy(states)])
-        taken = values.gather(2, torch.from_numpy(actions)[..., None]).squeeze(2)
-        losses = torch.nn.functional.smooth_l1_loss(taken, torch.from_numpy(targets), reduction="none")
-        gradients = torch.autograd.grad(losses.sum() / codes.shape[1], self._layers)
-        for into, gradient in zip(self._gradient_layers, gradients, strict=True):
-            into.copy_(gradient)
+        self._backpropagate(states, actions, targets)
         norms = torch.linalg.vector_norm(self._gradients, dim=1, keepdim=True)
         self._gradients.mul_((self._settings.max_gradient_norm / (norms + _TINY)).clamp_(max=1.0))
         for slot in slots:
             self._rows[slot].grad = self._gradients[slot]
         self._optimizer.step()
         self._optimizer.zero_grad()
+
+    def _backpropagate(self, states: Codes, actions: Codes, targets: NDArray[np.float32]) -> None:
+        """Leave in `_gradients` those of the mean Huber loss of `[W, B]` transitions, by the chain rule.
+
+        Written out, it takes two thirds of the time that `torch.autograd` takes for networks as small as these.
+        """
+        observed = self._observations[torch.from_numpy(states)]
+        first, second, values = _activations(self._layers, observed)
+        taken = torch.from_numpy(actions)[..., None]
+        errors = values.gather(2, taken) - torch.from_numpy(targets)[..., None]
+        slopes = torch.zeros_like(values).scatter_(2, taken, errors.clamp_(-1.0, 1.0).div_(states.shape[1]))
+        self._write(_LAST, slopes.mT, second, slopes)
+        slopes = torch.bmm(slopes, self._layers[_LAST]).mul_(second.sign_())
+        self._write(_SECOND, first.mT, slopes, slopes)
+        slopes = torch.bmm(slopes, self._layers[_SECOND].mT).mul_(first.sign_())
+        self._write(_FIRST, observed.mT, slopes, slopes)
+
+    def _write(self, layer: int, left: torch.Tensor, right: torch.Tensor, slopes: torch.Tensor) -> None:
+        """Write the gradients of a layer's weights, `left @ right`, and of its biases, summed over the batch."""
+        torch.bmm(left, right, out=self._gradient_layers[layer])
+        torch.sum(slopes, dim=1, keepdim=True, out=self._gradient_layers[layer + 1])
 
     def _cut(self, flat: torch.Tensor) -> list[torch.Tensor]:
         """Return the layers `[W, rows, columns]` that share the memory of `[W, length]`."""
@@ -126,13 +141,19 @@ class QStack:
         ]
 
 
-def _values(layers: Sequence[torch.Tensor], observations: torch.Tensor) -> torch.Tensor:
-    """Return `[W, N, A]` of observations `[W, N, I]`."""
-    hidden = torch.baddbmm(layers[1], observations, layers[0]).relu_()
-    hidden = torch.baddbmm(layers[3], hidden, layers[2]).relu_()
-    return torch.baddbmm(layers[5], hidden, layers[4])
+def _activations(
+    layers: Sequence[torch.Tensor], observations: torch.Tensor
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Return both hidden layers `[W, N, units]` and the values `[W, N, A]` of observations `[W, N, I]`."""
+    first = torch.baddbmm(layers[_FIRST + 1], observations, layers[_FIRST]).relu_()
+    second = torch.baddbmm(layers[_SECOND + 1], first, layers[_SECOND]).relu_()
+    return first, second, torch.baddbmm(layers[_LAST + 1], second, layers[_LAST].mT)
 
 
+_FIRST, _SECOND, _LAST = 0, 2, 4
+"""Where the weights of each layer stand, its biases behind them. The last layer's lie the other way round: products
+with so few columns are slow.
+"""
 _ROW_MULTIPLE = 16
 """A slot's weights begin at multiples of so many numbers, so that all slots lie alike in memory."""
 _TINY = 1e-6

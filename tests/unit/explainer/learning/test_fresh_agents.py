@@ -82,11 +82,13 @@ class Alone:
         modules: list[torch.nn.Module] = []
         for place, fan in enumerate((5, self.settings.units, self.settings.units)):
             layer = torch.nn.Linear(sizes[place], sizes[place + 1])
+            # A stack holds all layers but the last from inputs to outputs, and so it draws them.
+            lies_so = place == len(sizes) - 2
             weight, bias = (
                 torch.from_numpy(rng.random(shape, dtype=np.float32) * 2 - 1) / fan**0.5
-                for shape in (layer.weight.T.shape, layer.bias.shape)
+                for shape in (layer.weight.shape if lies_so else layer.weight.T.shape, layer.bias.shape)
             )
-            layer.load_state_dict({"weight": weight.T, "bias": bias})
+            layer.load_state_dict({"weight": weight if lies_so else weight.T, "bias": bias})
             modules += [layer, torch.nn.ReLU()]
         return torch.nn.Sequential(*modules[:-1])
 
@@ -223,9 +225,9 @@ def test_torch_has_as_many_threads_afterwards_as_before() -> None:
 
 def test_an_agent_that_does_not_get_there_is_reported_at_the_end_of_its_budget() -> None:
     """Nothing is learned before the budget ends, and random actions do not always find the goal in 640 steps."""
-    settings = FreshSettings(num_slots=2, max_episodes=3, warmup_steps=10_000)
-    found = learn(LAYOUTS["simulation"], [FreshAgent(f"{number}") for number in range(5)], settings, 0)
-    assert len(found) == 5
+    settings = FreshSettings(num_slots=4, max_episodes=3, warmup_steps=10_000)
+    found = learn(LAYOUTS["simulation"], [FreshAgent(f"{number}") for number in range(12)], settings, 2)
+    assert len(found) == 12
     for outcome in found:
         assert (outcome.num_episodes, outcome.is_optimal) == (3, False)
         assert outcome.num_steps <= 3 * 640

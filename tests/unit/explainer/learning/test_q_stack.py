@@ -70,11 +70,13 @@ class Alone:
         with torch.no_grad():
             # Two of seven inputs are 1 at once.
             for layer, fan in ((first, 2), (second, settings.units), (last, settings.units)):
+                # A stack holds all layers but the last from inputs to outputs, and so it draws them.
+                lies_so = layer is last
                 weight, bias = (
                     torch.from_numpy(rng.random(shape, dtype=np.float32) * 2 - 1) / fan**0.5
-                    for shape in (layer.weight.T.shape, layer.bias.shape)
+                    for shape in (layer.weight.shape if lies_so else layer.weight.T.shape, layer.bias.shape)
                 )
-                layer.weight.copy_(weight.T)
+                layer.weight.copy_(weight if lies_so else weight.T)
                 layer.bias.copy_(bias)
         self.network = torch.nn.Sequential(first, torch.nn.ReLU(), second, torch.nn.ReLU(), last)
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=settings.learning_rate, fused=False)
