@@ -30,8 +30,8 @@ import pandas as pd
 
 from webapp.explainer.importance import PROBABILITY_KINDS, exact_importance
 from webapp.explainer.mdp import DeterministicMDP, Policy
+from webapp.explainer.pictures.figure_style import BLUE, GREY, INK, VERMILION
 from webapp.explainer.solvers import follow, plan
-from webapp.simulations.figure_style import BLUE, GREY, INK, VERMILION
 from webapp.simulations.importance_figures import IMPORTANCE_NAMES, PAGE_WIDTH, drawn_twice
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from webapp.explainer.pictures.figure_style import BLUE, GREY, INK, VERMILION
 from webapp.explainer.questioner import Belief, believed_states
 from webapp.explainer.worlds.key_door import start_state
-from webapp.simulations.figure_style import BLUE, GREY, INK, VERMILION
 from webapp.simulations.importance_claims import missed_steps
 from webapp.simulations.importance_figures import PAGE_WIDTH, drawn_twice
 from webapp.simulations.importance_rows import exact_series

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from webapp.simulations.figure_style import BLUE, GREEN, GREY, INK, drawn
+from webapp.explainer.pictures.figure_style import BLUE, GREEN, GREY, INK, drawn
 from webapp.simulations.importance_rows import Series, exact_series, find_series
 from webapp.simulations.importance_settings import ImportanceSettings
 from webapp.simulations.key_door_walks import Walk, walk_by_name

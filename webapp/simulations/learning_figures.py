@@ -8,9 +8,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from webapp.analysis.censoring import kaplan_meier
+from webapp.explainer.pictures.figure_style import BLACK, BLUE, GREEN, GREY, INK, SKY, VERMILION, drawn
 from webapp.simulations.claims import sample_of
 from webapp.simulations.conditions import Condition
-from webapp.simulations.figure_style import BLACK, BLUE, GREEN, GREY, INK, SKY, VERMILION, drawn
 from webapp.simulations.settings import SweepSettings
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any
 
+from webapp.explainer.pictures.figure_style import GREEN, INK, VERMILION
 from webapp.explainer.worlds.key_door import STEPS, KeyDoorState
 from webapp.explainer.worlds.layout import Cell, Layout
-from webapp.simulations.figure_style import GREEN, INK, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,11 +1,12 @@
 """How fresh agents learn: the settings of the stacked DQN. Sakai et al. 2021 publish none of them: all are ours."""
 
 import dataclasses
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from webapp.explainer.learning.ranges import check_number
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +56,8 @@ class FreshSettings:
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
-            _check(field.name, getattr(self, field.name), whole=field.type is int)
+            value, may_be_zero = getattr(self, field.name), field.name in _MAY_BE_ZERO
+            check_number(field.name, value, whole=field.type is int, may_be_zero=may_be_zero)
         if self.discount >= 1:
             raise ValueError(f"discount must be below 1, not {self.discount}")
         if self.final_exploration > 1:
@@ -81,11 +83,3 @@ class FreshSettings:
 
 _LARGEST_SUB_REWARD = 0.5
 _MAY_BE_ZERO = frozenset({"discount", "final_exploration", "sub_reward"})
-
-
-def _check(name: str, value: object, *, whole: bool) -> None:
-    if isinstance(value, bool) or not isinstance(value, int if whole else int | float):
-        raise TypeError(f"{name} must be {'a whole number' if whole else 'a number'}, not {value!r}")
-    if not math.isfinite(value) or value < 0 or (value == 0 and name not in _MAY_BE_ZERO):
-        wish = "at least 0" if name in _MAY_BE_ZERO else "larger than 0"
-        raise ValueError(f"{name} must be finite and {wish}, not {value!r}")

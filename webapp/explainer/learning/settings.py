@@ -4,6 +4,8 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
+from webapp.explainer.learning.ranges import check_number
+
 
 @dataclass(frozen=True, slots=True)
 class TrainingSettings:
@@ -98,7 +100,10 @@ class TrainingSettings:
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
-            _check(field.name, getattr(self, field.name), whole=field.type is int)
+            value, may_be_zero = getattr(self, field.name), field.name in _COUNTS_FROM_ZERO | _SHARES
+            check_number(field.name, value, whole=field.type is int, may_be_zero=may_be_zero)
+            if field.name in _SHARES and value > 1:
+                raise ValueError(f"{field.name} must be from 0 to 1, not {value!r}")
         if self.num_exploring_environments > self.num_environments:
             raise ValueError(f"num_exploring_environments must be at most {self.num_environments}, num_environments")
         if self.visited_start_share > _LARGEST_VISITED_START_SHARE:
@@ -148,12 +153,3 @@ _SHARES = frozenset(
         "max_relative_change",
     }
 )
-
-
-def _check(name: str, value: object, *, whole: bool) -> None:
-    if isinstance(value, bool) or not isinstance(value, int if whole else int | float):
-        raise TypeError(f"{name} must be {'a whole number' if whole else 'a number'}, not {value!r}")
-    if not math.isfinite(value) or value < 0 or (value == 0 and name not in _COUNTS_FROM_ZERO | _SHARES):
-        raise ValueError(f"{name} must be larger than 0, not {value!r}")
-    if name in _SHARES and value > 1:
-        raise ValueError(f"{name} must be from 0 to 1, not {value!r}")

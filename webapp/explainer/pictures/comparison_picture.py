@@ -1,45 +1,25 @@
 """A comparison of selectors as a figure: how far each explanation leads, over how many steps it shows."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from webapp.explainer.comparison import Comparison, Rating
-from webapp.explainer.pictures.figure_files import encoded, write_new_picture
+from webapp.explainer.pictures.figure_files import write_new_picture
+from webapp.explainer.pictures.figure_style import BLUE, INK, VERMILION, drawn
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_OURS, _RIVAL, _OTHERS, _INK = "#D55E00", "#0072B2", "#C8C8C8", "#404040"
-"""Vermilion and blue of Okabe & Ito's palette, which people with any colour vision tell apart, and greys."""
+_OURS, _RIVAL, _OTHERS = VERMILION, BLUE, "#C8C8C8"
 
-_SIZE, _DPI = (7.4, 4.2), 200
+_SIZE = (7.4, 4.2)
 _COLUMNS = 4
 _LABEL_HEIGHT = 0.08
 """What a label beside the axis takes up of its height."""
 
 _CONFIDENCE = 1.96
 """So many standard errors to either side hold the mean in 95 of 100 cases."""
-
-_STYLE: Mapping[Any, Any] = {
-    "axes.edgecolor": _INK,
-    "axes.labelcolor": _INK,
-    "axes.labelsize": 8,
-    "axes.linewidth": 0.6,
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlelocation": "left",
-    "axes.titlesize": 9,
-    "font.family": "DejaVu Sans",  # It comes with matplotlib, so that every machine draws the same.
-    "font.size": 8,
-    "svg.hashsalt": "comparison",  # Otherwise the names inside the file are drawn at random.
-    "text.color": _INK,
-    "xtick.color": _INK,
-    "xtick.labelsize": 7,
-    "ytick.color": _INK,
-    "ytick.labelsize": 7,
-}
 
 
 def write_picture(comparison: Comparison, path: Path) -> None:
@@ -72,19 +52,7 @@ def write_picture(comparison: Comparison, path: Path) -> None:
         ...
         ['comparison.svg']
     """
-    write_new_picture(path, lambda suffix: _drawn(comparison, suffix))
-
-
-def _drawn(comparison: Comparison, suffix: str) -> bytes:
-    import matplotlib as mpl  # noqa: PLC0415 - takes long, and only a picture needs it.
-    from matplotlib.figure import Figure  # noqa: PLC0415 - the same.
-
-    with mpl.rc_context():
-        mpl.rcdefaults()
-        mpl.rcParams.update(_STYLE)
-        figure = Figure(figsize=_SIZE, dpi=_DPI, layout="constrained")
-        _fill(figure, comparison)
-        return encoded(figure, suffix, _DPI)
+    write_new_picture(path, lambda suffix: drawn(lambda figure: _fill(figure, comparison), _SIZE, suffix, "comparison"))
 
 
 def _fill(figure: "Figure", comparison: Comparison) -> None:
@@ -107,7 +75,7 @@ def _draw_curve(axes: "Axes", comparison: Comparison, rating: Rating) -> None:
     for other in comparison.ratings:
         axes.plot(budgets, [measure.value for measure in other.curve], color=_OTHERS, linewidth=0.7)
     values = [measure.value for measure in rating.curve]
-    axes.axhline(comparison.alpha, color=_INK, linewidth=0.6, linestyle=(0, (4, 3)))
+    axes.axhline(comparison.alpha, color=INK, linewidth=0.6, linestyle=(0, (4, 3)))
     axes.plot(budgets, values, color=colour, linewidth=1.8)
     margins = [_CONFIDENCE * (measure.standard_error or 0.0) for measure in rating.curve]
     if any(margins):

@@ -1,4 +1,4 @@
-"""How the figures of the simulation experiments look, and that the same numbers give the same bytes.
+"""How figures with numbers look, and that the same numbers give the same bytes.
 
 Colours are Okabe and Ito's, which people with any colour vision tell apart. Matplotlib is loaded only to draw.
 """
