@@ -28,6 +28,8 @@ class Interval:
         high_is_lower_bound: Without a budget the upper end might be larger.
         is_upper_bound: Without a budget the value might be smaller. If it might be larger too, nothing is known of it.
         low_is_upper_bound: Without a budget the lower end might be smaller.
+        low_is_lower_bound: Without a budget the lower end might be larger; the interval is then wider than need be.
+        high_is_upper_bound: Without a budget the upper end might be smaller; the same.
 
     Raises:
         ValueError: A number is not finite, or the ends are in the wrong order.
@@ -40,6 +42,8 @@ class Interval:
     high_is_lower_bound: bool = False
     is_upper_bound: bool = False
     low_is_upper_bound: bool = False
+    low_is_lower_bound: bool = False
+    high_is_upper_bound: bool = False
 
     def __post_init__(self) -> None:
         if not all(math.isfinite(number) for number in (self.value, self.low, self.high)):
@@ -49,7 +53,7 @@ class Interval:
 
     @property
     def is_identified(self) -> bool:
-        """Whether no flag is set: without a budget the interval would be the same, or narrower."""
+        """Whether without a budget value and interval would be the same, or the interval narrower."""
         return not (self.is_lower_bound or self.high_is_lower_bound or self.is_upper_bound or self.low_is_upper_bound)
 
 
@@ -82,8 +86,8 @@ class Resampled:
         cut = _cut(confidence, self.values.size - 1)
         resamples = self.values[1:]
         low, high = np.sort(resamples)[[cut, -1 - cut]]
-        lowest = np.sort(np.where(self.may_be_smaller[1:], -np.inf, resamples))[cut]
-        highest = np.sort(np.where(self.may_be_larger[1:], np.inf, resamples))[-1 - cut]
+        lowest, smaller = np.sort(np.where(self.may_be_smaller[1:], -np.inf, resamples))[[cut, -1 - cut]]
+        larger, highest = np.sort(np.where(self.may_be_larger[1:], np.inf, resamples))[[cut, -1 - cut]]
         return Interval(
             value=float(self.values[0]),
             low=float(low),
@@ -92,6 +96,8 @@ class Resampled:
             high_is_lower_bound=bool(highest > high),
             is_upper_bound=bool(self.may_be_smaller[0]),
             low_is_upper_bound=bool(lowest < low),
+            low_is_lower_bound=bool(larger > low),
+            high_is_upper_bound=bool(smaller < high),
         )
 
 

@@ -41,8 +41,7 @@ _RUN_OPTIONS = (
         "--settings",
         "preset",
         type=click.Choice(["paper", "ours"]),
-        default="paper",
-        help="The paper's numbers of runs or trials, or ours, which are larger.",
+        help="The paper's numbers of runs or trials, taken if not given, or ours, which are larger.",
     ),
     click.option("--quick", is_flag=True, help="A small map and few runs, to see within seconds that it works."),
     click.option(
@@ -102,7 +101,8 @@ def importance(**options: Any) -> None:  # noqa: ANN401 - handed on as they are.
         settings = _with_layout(experiment.SETTINGS[preset], options)
         with _opened("importance", preset, settings.to_dict(), options) as (folder, finish):
             instance = read_config(os.environ).instance
-            prepare_instance(instance)
+            if settings.learned:
+                prepare_instance(instance)
             with shown_progress(_error_console()) as progress:
                 rows = experiment.run(settings, instance / "explain-cache", progress)
             finish(experiment.summarise(settings, rows), {})
@@ -128,6 +128,7 @@ def count(**options: Any) -> None:  # noqa: ANN401
 
 
 def _sweep(name: str, experiment: Any, options: Mapping[str, Any]) -> None:  # noqa: ANN401 - a module.
+    from webapp.simulations.claims import few_runs_note
     from webapp.simulations.console import shown_runs
     from webapp.simulations.schedulers import parse_scheduler
 
@@ -144,11 +145,13 @@ def _sweep(name: str, experiment: Any, options: Mapping[str, Any]) -> None:  # n
             with shown_runs(_error_console()) as report:
                 rows = experiment.run(settings, folder, scheduler, report)
             finish(experiment.summarise(settings, rows), {"scheduler": str(scheduler)})
-    _tell(folder)
+    _tell(folder, few_runs_note(settings.num_runs))
 
 
 def _preset(options: Mapping[str, Any]) -> str:
-    return "quick" if options["quick"] else str(options["preset"])
+    if options["quick"] and options["preset"] is not None:
+        raise CommandError("--quick has settings of its own; leave --settings out")
+    return "quick" if options["quick"] else options["preset"] or "paper"
 
 
 def _with_layout(settings: Any, options: Mapping[str, Any]) -> Any:  # noqa: ANN401 - of whichever experiment.
@@ -173,9 +176,10 @@ def _opened(
     from webapp.simulations.run_folders import check_run_name, open_run
 
     known = {"experiment": name, "settings": settings, "code": provenance.code_fingerprint()}
-    run_name = check_run_name(options["run_name"] or _default_name(preset, settings))
+    given = options["run_name"]
+    run_name = check_run_name(_default_name(preset, settings) if given is None else given)
     begun = datetime.now(UTC)
-    with open_run(options["out"] / "simulations" / name / run_name, known) as folder:
+    with _terminated_like_ctrl_c(), open_run(options["out"] / "simulations" / name / run_name, known) as folder:
 
         def finish(files: Mapping[str, bytes], more: Mapping[str, object]) -> None:
             now = datetime.now(UTC)
@@ -186,6 +190,7 @@ def _opened(
                 "seconds_of_last_session": round((now - begun).total_seconds(), 1),
                 "versions": provenance.versions(),
                 "machine": provenance.machine(),
+                **({"rows_made_by": folder.all_makers} if folder.makers else {}),
                 **more,
             }
             folder.complete(files, about)
@@ -200,6 +205,18 @@ def _opened(
             raise click.exceptions.Exit(_INTERRUPTED) from None
 
 
+@contextmanager
+def _terminated_like_ctrl_c() -> Iterator[None]:
+    """End a run that is told to terminate as Ctrl-C ends it, its workers included."""
+    import signal
+
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def _default_name(preset: str, settings: Mapping[str, object]) -> str:
     digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
     return f"{preset}-{digest[:8]}"
@@ -211,14 +228,14 @@ def _error_console() -> Any:  # noqa: ANN401 - a console of rich, which is loade
     return Console(stderr=True)
 
 
-def _tell(folder: "RunFolder") -> None:
-    """Print the claims and where everything is."""
+def _tell(folder: "RunFolder", *notes: str) -> None:
+    """Print the claims, what is to be said of them, and where everything is."""
     import pandas as pd
 
     from webapp.simulations.console import claims_table
 
     claims: pd.DataFrame = pd.read_csv(folder.path / "claims.csv")
-    show(claims_table(claims), f"Everything is in {folder.path}; begin with summary.md.")
+    show(claims_table(claims), *filter(None, notes), f"Everything is in {folder.path}; begin with summary.md.")
 
 
 @contextmanager

@@ -4,9 +4,10 @@ The paper's way (Sakai et al. 2021, sections 5.2 and 5.3): an unpaired two-sampl
 per group, where what is not significant counts as no difference. Beside it ours, with all runs: Mann-Whitney tests
 with Holm's correction over all comparisons of one variant, and equivalence by an interval for the ratio of the
 interquartile means. Only that can support a claim of no difference; where neither is shown, the claim is undecided.
+Where both are shown, the difference is smaller than the margin, and the groups count as equivalent.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -74,31 +75,41 @@ def compare_groups(claims: Sequence[Claim], rows: pd.DataFrame, settings: SweepS
     expected = [claim.expects for claim in claims]
     found = zip(expected, table["holm_p"], table["improvement"], table["equivalent"], strict=True)
     table["verdict"] = [_verdict(*each) for each in found]
-    return table
+    return table.astype({"paper_test_agrees": "boolean"})
 
 
 def summed_up(comparisons: pd.DataFrame) -> pd.DataFrame:
     """Sum the comparisons up to one row per statement and variant.
 
-    A statement on several pairs of groups holds if it holds for all of them, and does not if it does not for one.
+    A statement on several pairs of groups holds if it holds for all of them, and does not if it does not for one. The
+    same is said of those pairs alone in which both groups' rewards leave the shortest path optimal: where they do not,
+    a group fails to learn the path because it is paid not to take it.
     """
     lines = []
     for (statement, source, variant), each in comparisons.groupby(["statement", "source", "variant"], sort=False):
-        verdicts = each["verdict"].tolist()
+        verdicts, kept = each["verdict"].tolist(), each[(each["first_keeps"] == 1) & (each["second_keeps"] == 1)]
         lines.append(
             {
                 "statement": statement,
                 "source": source,
                 "variant": variant,
                 "comparisons": len(each),
+                "paper_tests": int(each["paper_test_agrees"].notna().sum()),
                 "paper_test_agrees": int(each["paper_test_agrees"].sum()),
                 "holds": verdicts.count("holds"),
                 "does_not_hold": verdicts.count("does not hold"),
                 "undecided": verdicts.count("undecided"),
                 "verdict": overall(verdicts),
+                "path_optimal": len(kept),
+                "verdict_path_optimal": overall(kept["verdict"].tolist()) if len(kept) else None,
             }
         )
     return pd.DataFrame(lines)
+
+
+def few_runs_note(num_runs: int) -> str:
+    """Return what must be said where there are fewer runs than the paper's; empty if there are as many."""
+    return "" if num_runs >= PAPER_RUNS else f"{num_runs} runs per condition are too few to conclude anything."
 
 
 def overall(verdicts: Sequence[str]) -> Verdict:
@@ -125,7 +136,9 @@ def _compared(claim: Claim, rows: pd.DataFrame, settings: SweepSettings) -> dict
     first, second = sample_of(claim.first, rows), sample_of(claim.second, rows)
     few = [sample_of(group, rows, PAPER_RUNS) for group in (claim.first, claim.second)]
     names = (claim.variant, claim.first.name, claim.second.name)
-    better = probability_of_improvement(first, second, stream(settings.seed, "improvement", *names))
+    better = probability_of_improvement(
+        first, second, stream(settings.seed, "improvement", *names), num_resamples=settings.num_resamples
+    )
     ratio = ratio_interval(first, second, stream(settings.seed, "ratio", *names), num_resamples=settings.num_resamples)
     paper_t, paper_p = _t_test(*few)
     return {
@@ -137,6 +150,8 @@ def _compared(claim: Claim, rows: pd.DataFrame, settings: SweepSettings) -> dict
         "second": claim.second.name,
         "first_steps": claim.first.told,
         "second_steps": claim.second.told,
+        "first_keeps": int(claim.first.keeps_optimum),
+        "second_keeps": int(claim.second.keeps_optimum),
         "runs_each": first.size,
         "first_mean": mean_of(first)[0],
         "second_mean": mean_of(second)[0],
@@ -156,6 +171,9 @@ def _compared(claim: Claim, rows: pd.DataFrame, settings: SweepSettings) -> dict
         "ratio": ratio.value,
         "ratio_low": ratio.low,
         "ratio_high": ratio.high,
+        "ratio_is_bound": _bound_of(ratio.is_lower_bound, ratio.is_upper_bound),
+        "ratio_low_is_bound": _bound_of(ratio.low_is_lower_bound, ratio.low_is_upper_bound),
+        "ratio_high_is_bound": _bound_of(ratio.high_is_lower_bound, ratio.high_is_upper_bound),
         "equivalent": is_equivalent(ratio, settings.margin),
     }
 
@@ -176,25 +194,39 @@ def _p_value(test: object, first: Sample, second: Sample) -> float | None:
         return None
 
 
-def _agrees_with_paper(expects: Expectation, t: float | None, p: float | None) -> bool:
-    """Say whether the paper's test, read as the paper reads it, comes out as claimed."""
-    differs = p is not None and p < LEVEL
-    fewer, more = differs and (t or 0) < 0, differs and (t or 0) > 0
+def _bound_of(lower: bool, upper: bool) -> str | None:  # noqa: FBT001 - two flags of an interval.
+    """Return `>` for a number that censored runs make too small, `<` for one too large, `?` where nothing is known."""
+    return {(False, False): None, (True, False): ">", (False, True): "<", (True, True): "?"}[lower, upper]
+
+
+def _agrees_with_paper(expects: Expectation, t: float | None, p: float | None) -> bool | None:
+    """Say whether the paper's test, read as the paper reads it, comes out as claimed; None if it cannot be made."""
+    if t is None or p is None:
+        return None
+    differs = p < LEVEL
+    fewer, more = differs and t < 0, differs and t > 0
     return {"fewer": fewer, "not more": not more, "not fewer": not fewer, "no difference": not differs}[expects]
 
 
 def _verdict(expects: Expectation, holm_p: float, improvement: float, equivalent: bool) -> Verdict:  # noqa: FBT001 - a column.
-    fewer, more = holm_p < LEVEL and improvement > _EVEN, holm_p < LEVEL and improvement < _EVEN
-    supports = {
-        "fewer": fewer,
-        "not more": fewer or equivalent,
-        "not fewer": more or equivalent,
-        "no difference": equivalent,
-    }[expects]
-    refutes = {"fewer": more or equivalent, "not more": more, "not fewer": fewer, "no difference": fewer or more}[
-        expects
-    ]
-    return "holds" if supports else "does not hold" if refutes else "undecided"
+    shown = _shown(holm_p, improvement, equivalent=equivalent)
+    if shown is None:
+        return "undecided"
+    supports: Mapping[Expectation, Collection[str]] = {
+        "fewer": ("fewer",),
+        "not more": ("fewer", "equivalent"),
+        "not fewer": ("more", "equivalent"),
+        "no difference": ("equivalent",),
+    }
+    return "holds" if shown in supports[expects] else "does not hold"
+
+
+def _shown(holm_p: float, improvement: float, *, equivalent: bool) -> Literal["fewer", "more", "equivalent"] | None:
+    if equivalent:
+        return "equivalent"
+    if holm_p < LEVEL and improvement != _EVEN:
+        return "fewer" if improvement > _EVEN else "more"
+    return None
 
 
 _EVEN = 0.5

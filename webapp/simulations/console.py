@@ -59,7 +59,7 @@ def claims_table(claims: pd.DataFrame) -> RenderableType:
 
     Claims on every estimator of importance are summed up: so many of them support it.
     """
-    lines = _over_estimators(claims) if "estimator" in claims.columns else claims
+    lines = _over_estimators(claims) if "estimator" in claims.columns else _with_counts(claims)
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     headings = [name for name in _HEADINGS if name in lines.columns]
     for name in headings:
@@ -67,6 +67,15 @@ def claims_table(claims: pd.DataFrame) -> RenderableType:
     for row in lines.to_dict("records"):
         table.add_row(*("" if pd.isna(row[name]) else str(row[name]) for name in headings))
     return table
+
+
+def _with_counts(claims: pd.DataFrame) -> pd.DataFrame:
+    """Say in one cell each what the paper's test found, and how many comparisons hold, do not, or are undecided."""
+    tests = zip(claims["paper_test_agrees"], claims["paper_tests"], strict=True)
+    counts = zip(*(claims[name] for name in ("holds", "does_not_hold", "undecided")), strict=True)
+    return claims.assign(
+        tested=[f"{agree} of {made}" for agree, made in tests], counts=["/".join(map(str, each)) for each in counts]
+    )
 
 
 def _over_estimators(claims: pd.DataFrame) -> pd.DataFrame:
@@ -86,5 +95,7 @@ _HEADINGS = {
     "variant": "variant",
     "importance": "importance",
     "estimators": "holds for",
+    "tested": "paper's test",
+    "counts": "yes/no/open",
     "verdict": "verdict",
 }

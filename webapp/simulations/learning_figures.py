@@ -178,7 +178,8 @@ def _fill_learned(figure: "Figure", groups: Sequence[Condition], rows: pd.DataFr
         own = [group for group in groups if group.variant in {"none", variant}]
         for group, (label, colour, width) in zip(own, _lines(own), strict=True):
             times, shares = kaplan_meier(sample_of(group, rows))
-            axes.step(times, 1 - shares, where="post", color=colour, linewidth=width, label=label)
+            until, learned = np.append(times, settings.fresh.max_episodes), 1 - np.append(shares, shares[-1])
+            axes.step(until, learned, where="post", color=colour, linewidth=width, label=label)
         axes.set(xlim=(0, settings.fresh.max_episodes), ylim=(0, 1.02), xlabel="episodes")
         axes.set_yticks([0, 0.5, 1], ["0 %", "50 %", "100 %"])
     figure.axes[0].set_ylabel("agents that have learned the path")
@@ -214,7 +215,9 @@ def _legend(figure: "Figure", *, circles: bool) -> None:
         Line2D([], [], marker="D", markersize=5, color=INK, markerfacecolor="white", label="the same, at least"),
     ]
     if circles:
-        handles.append(Line2D([], [], linestyle="none", label=f"n of N: did not learn;{_CIRCLE}: circles pay more"))
+        handles.append(
+            Line2D([], [], linestyle="none", label=f"n of N: did not learn;{_CIRCLE}: the path is not optimal")
+        )
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, handlelength=1.4)
 
 

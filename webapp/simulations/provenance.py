@@ -5,6 +5,7 @@ import platform
 import subprocess
 import sys
 from collections.abc import Mapping
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -12,6 +13,7 @@ PACKAGES = ("xar", "torch", "numpy", "scipy", "pandas", "gymnasium", "minigrid",
 _SOURCE = Path(__file__).resolve().parents[1]
 
 
+@cache
 def code_fingerprint() -> str:
     """Return the hash of all code that a run's rows depend on: the explainer's, the analysis's and the simulations'."""
     digest = hashlib.sha256()
@@ -36,6 +38,11 @@ def versions() -> Mapping[str, str]:
 def machine() -> Mapping[str, str]:
     """Return what last bits may depend on: the operating system and the kind of processor."""
     return {"system": platform.system(), "processor": platform.machine(), "model": _processor_model()}
+
+
+def maker_of_rows() -> dict[str, str]:
+    """Return what the last bits of learned rows depend on, beside the code."""
+    return {"torch": version("torch"), "numpy": version("numpy"), **machine()}
 
 
 def commit() -> str:

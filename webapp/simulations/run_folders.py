@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import IO, Any
 
 Row = dict[str, Any]
+Maker = dict[str, str]
+"""Versions and processor that made some rows."""
 
 
 class RunFolderError(ValueError):
@@ -29,18 +31,33 @@ class RunFolder:
     Attributes:
         path: Where it is.
         finished: The rows of every finished unit by the unit's number.
+        makers: What made each of these units, by the unit's number.
     """
 
     path: Path
     journal: IO[str]
     finished: dict[int, list[Row]] = field(default_factory=dict)
+    makers: dict[int, Maker] = field(default_factory=dict)
 
-    def keep(self, unit: int, rows: Sequence[Row]) -> None:
-        """Put the rows of a finished unit on the disk."""
-        self.journal.write(json.dumps({"unit": unit, "rows": rows}, sort_keys=True) + "\n")
-        self.journal.flush()
-        os.fsync(self.journal.fileno())
-        self.finished[unit] = list(rows)
+    def keep(self, unit: int, rows: Sequence[Row], maker: Maker) -> None:
+        """Put the rows of a finished unit on the disk, with what made them.
+
+        Raises:
+            RunFolderError: The disk does not take them.
+        """
+        try:
+            self.journal.write(json.dumps({"unit": unit, "rows": rows, "maker": maker}, sort_keys=True) + "\n")
+            self.journal.flush()
+            os.fsync(self.journal.fileno())
+        except OSError as error:
+            raise RunFolderError(f"{self.path} cannot be written: {error.strerror}; what was kept is kept") from error
+        self.finished[unit], self.makers[unit] = list(rows), maker
+
+    @property
+    def all_makers(self) -> list[Maker]:
+        """What made the rows, each once."""
+        told = {json.dumps(each, sort_keys=True) for each in self.makers.values()}
+        return [json.loads(text) for text in sorted(told)]
 
     def complete(self, files: Mapping[str, bytes], about: Mapping[str, object]) -> None:
         """Write all that was found, then `run.json`, and forget the journal."""
@@ -87,20 +104,22 @@ def open_run(path: Path, settings: Mapping[str, object]) -> Iterator[RunFolder]:
         _check(path, settings)  # Again: it may have been completed meanwhile.
         if not (path / _SETTINGS).exists():
             _write(path / _SETTINGS, _as_json(settings))
-        yield RunFolder(path, journal, _read(journal))
+        yield RunFolder(path, journal, *_read(journal))
 
 
 def _check(path: Path, settings: Mapping[str, object]) -> None:
     if (path / _ABOUT).exists():
         raise RunFolderError(f"{path} holds a complete run and is never overwritten; give another --run")
     if not (path / _SETTINGS).exists():
-        if any(entry.name != _JOURNAL for entry in path.iterdir()):
+        if any(entry.name not in {_JOURNAL, _draft_of(path / _SETTINGS).name} for entry in path.iterdir()):
             raise RunFolderError(f"{path} is not empty and holds no run; give another --run")
         return
     try:
         begun = json.loads((path / _SETTINGS).read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise RunFolderError(f"{path / _SETTINGS} cannot be read; remove the folder or give another --run") from error
+    except ValueError:
+        begun = None
+    if not isinstance(begun, dict):
+        raise RunFolderError(f"{path / _SETTINGS} cannot be read; remove the folder or give another --run")
     if begun != settings:
         name, was, now = _first_difference(begun, dict(settings))
         raise RunFolderError(
@@ -117,10 +136,12 @@ def _first_difference(begun: Any, now: Any, name: str = "settings") -> tuple[str
     return name, begun, now
 
 
-def _read(journal: IO[str]) -> dict[int, list[Row]]:
-    """Return the finished units. A last line that an interruption cut off is taken away."""
+def _read(journal: IO[str]) -> tuple[dict[int, list[Row]], dict[int, Maker]]:
+    """Return the finished units and their makers. A last line that an interruption cut off is taken away."""
     journal.seek(0)
-    finished, end = {}, 0
+    finished: dict[int, list[Row]] = {}
+    makers: dict[int, Maker] = {}
+    end = 0
     for line in iter(journal.readline, ""):
         try:
             unit = json.loads(line) if line.endswith("\n") else None
@@ -128,20 +149,24 @@ def _read(journal: IO[str]) -> dict[int, list[Row]]:
             unit = None
         if unit is None:
             break
-        finished[int(unit["unit"])] = list(unit["rows"])
+        finished[unit["unit"]], makers[unit["unit"]] = unit["rows"], unit["maker"]
         end = journal.tell()
     journal.truncate(end)
     journal.seek(0, os.SEEK_END)
-    return finished
+    return finished, makers
 
 
 def _as_json(content: Mapping[str, object]) -> bytes:
     return (json.dumps(content, indent=2, sort_keys=True, ensure_ascii=False) + "\n").encode()
 
 
+def _draft_of(path: Path) -> Path:
+    return path.with_name(f".{path.name}.part")
+
+
 def _write(path: Path, content: bytes) -> None:
     """Write a file whole or not at all."""
-    draft = path.with_name(f".{path.name}.part")
+    draft = _draft_of(path)
     with draft.open("wb") as file:
         file.write(content)
         file.flush()

@@ -5,8 +5,9 @@ A unit is a stack of fixed shape, so where it runs, beside what, and how often i
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from threading import Thread
 from typing import Any
 
 from joblib import Parallel, delayed, parallel_config
@@ -37,7 +38,7 @@ class Scheduler:
             raise ValueError(f"the number of workers must be 1 or larger, not {self.workers}")
 
     def __str__(self) -> str:
-        return f"loky, {self.workers} workers" if self.address is None else "dask"
+        return f"loky, {self.workers} worker{'' if self.workers == 1 else 's'}" if self.address is None else "dask"
 
 
 def parse_scheduler(text: str, workers: int) -> Scheduler:
@@ -110,12 +111,31 @@ def _connected(address: str) -> Iterator[None]:
         from distributed import Client  # noqa: PLC0415 - an extra.
     except ImportError as error:
         raise SchedulerError("a Dask cluster needs the extra: pip install 'xar[dask]'") from error
-    try:
-        client: Any = Client(address, timeout=_PATIENCE_S, set_as_default=True)  # type: ignore[no-untyped-call]  # It has no types.
-    except (OSError, TimeoutError) as error:
-        raise SchedulerError(f"no Dask scheduler answers at {address}; start one, or use --scheduler loky") from error
+    client = _within_patience(lambda: Client(address, timeout=_PATIENCE_S, set_as_default=True))  # type: ignore[no-untyped-call]  # It has no types.
+    if client is None:
+        raise SchedulerError(f"no Dask scheduler answers at {address}; start one, or use --scheduler loky")
     with client:
+        try:
+            client.wait_for_workers(1, timeout=_PATIENCE_S)
+        except TimeoutError as error:
+            raise SchedulerError(
+                f"the Dask cluster at {address} has no workers; start some with dask worker"
+            ) from error
         yield
+
+
+def _within_patience(connect: Callable[[], Any]) -> Any:  # noqa: ANN401 - a client, which has no types.
+    """Return what a call returns, or None if it refuses or takes too long. Something else may listen at an address."""
+    found: list[Any] = []
+
+    def try_it() -> None:
+        with suppress(OSError, TimeoutError, ValueError):
+            found.append(connect())
+
+    caller = Thread(target=try_it, daemon=True)
+    caller.start()
+    caller.join(timeout=2 * _PATIENCE_S)
+    return found[0] if found else None
 
 
 _PATIENCE_S = 10

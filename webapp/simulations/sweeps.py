@@ -8,9 +8,15 @@ from webapp.explainer.learning.fresh_agents import FreshAgent, Outcome, learn
 from webapp.explainer.learning.fresh_settings import FreshSettings
 from webapp.explainer.worlds.layout import parse_layout
 from webapp.simulations.conditions import Condition, PlannedRun, planned_runs, units
+from webapp.simulations.provenance import code_fingerprint, maker_of_rows
 from webapp.simulations.run_folders import Row, RunFolder
 from webapp.simulations.schedulers import Scheduler, work_off
 from webapp.simulations.settings import SweepSettings
+
+
+class OtherCode(ValueError):
+    """Rows of two versions of the program do not belong into one run."""
+
 
 ReportRuns = Callable[[int, int], None]
 """Takes how many runs are done, and how many there are."""
@@ -49,17 +55,18 @@ def sweep(
         report: Told of every finished unit.
 
     Raises:
+        OtherCode: A worker has another version of the program.
         SchedulerError: The scheduler cannot be used, or cannot go on.
     """
     runs = planned_runs(conditions, settings.num_runs)
     stacks = dict(enumerate(units(runs, settings.runs_per_stack)))
     report(_num_done(folder), len(runs))
     todo = [(number, _unit(stack, settings)) for number, stack in stacks.items() if number not in folder.finished]
-    for number, outcomes in work_off(scheduler, _learn_stack, todo):
-        folder.keep(number, [_row(run, outcome) for run, outcome in zip(stacks[number], outcomes, strict=True)])
+    for number, (outcomes, maker) in work_off(scheduler, _learn_stack, todo):
+        rows = [_row(run, outcome) for run, outcome in zip(stacks[number], outcomes, strict=True)]
+        folder.keep(number, rows, maker)
         report(_num_done(folder), len(runs))
-    rows = [row for number in sorted(folder.finished) for row in folder.finished[number]]
-    return as_rows(rows)
+    return as_rows([row for number in sorted(folder.finished) for row in folder.finished[number]])
 
 
 def as_rows(rows: Sequence[Row]) -> pd.DataFrame:
@@ -75,12 +82,20 @@ def _num_done(folder: RunFolder) -> int:
 
 def _unit(stack: Sequence[PlannedRun], settings: SweepSettings) -> tuple[object, ...]:
     agents = tuple(FreshAgent(run.run_id, run.condition.pairs, once=run.condition.variant == "once") for run in stack)
-    return settings.layout, agents, settings.fresh, settings.seed
+    return settings.layout, agents, settings.fresh, settings.seed, code_fingerprint()
 
 
-def _learn_stack(layout: str, agents: Sequence[FreshAgent], settings: FreshSettings, seed: int) -> tuple[Outcome, ...]:
-    """Do one unit of work, wherever that is."""
-    return learn(parse_layout(layout), agents, settings, seed)
+def _learn_stack(
+    layout: str, agents: Sequence[FreshAgent], settings: FreshSettings, seed: int, code: str
+) -> tuple[tuple[Outcome, ...], dict[str, str]]:
+    """Do one unit of work, wherever that is, and say what did it.
+
+    Raises:
+        OtherCode: What is installed there is not what sent the work.
+    """
+    if code_fingerprint() != code:
+        raise OtherCode("a worker has another version of xar; install the same one everywhere, and go on")
+    return learn(parse_layout(layout), agents, settings, seed), maker_of_rows()
 
 
 def _row(run: PlannedRun, outcome: Outcome) -> Row:

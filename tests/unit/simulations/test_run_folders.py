@@ -10,12 +10,13 @@ from webapp.simulations.run_folders import RunFolderError, check_run_name, open_
 
 SETTINGS = {"seed": 1, "learning": {"rate": 0.5, "units": 64}}
 ROWS = [{"run_id": "a", "episodes": 3, "first_goal": None}]
+MAKER = {"torch": "2.13.0", "processor": "x86_64"}
 
 
 def begun(path: Path, *units: int) -> Path:
     with open_run(path, SETTINGS) as folder:
         for unit in units:
-            folder.keep(unit, ROWS)
+            folder.keep(unit, ROWS, MAKER)
     return path
 
 
@@ -31,7 +32,7 @@ def test_a_line_that_was_cut_off_counts_for_nothing_and_is_written_anew(tmp_path
     os.truncate(journal, journal.stat().st_size - cut)
     with open_run(tmp_path / "run", SETTINGS) as folder:
         assert folder.finished == {0: ROWS}
-        folder.keep(1, ROWS)
+        folder.keep(1, ROWS, MAKER)
     with open_run(tmp_path / "run", SETTINGS) as folder:
         assert folder.finished == {0: ROWS, 1: ROWS}
 
@@ -39,7 +40,7 @@ def test_a_line_that_was_cut_off_counts_for_nothing_and_is_written_anew(tmp_path
 def test_nothing_after_a_line_that_cannot_be_read_counts(tmp_path: Path) -> None:
     journal = begun(tmp_path / "run", 0) / "journal.jsonl"
     with journal.open("a") as file:
-        file.write('{"unit": 1, "ro\n{"unit": 2, "rows": []}\n')
+        file.write('{"unit": 1, "ro\n{"unit": 2, "rows": [], "maker": {}}\n')
     with open_run(tmp_path / "run", SETTINGS) as folder:
         assert folder.finished == {0: ROWS}
 
@@ -47,7 +48,7 @@ def test_nothing_after_a_line_that_cannot_be_read_counts(tmp_path: Path) -> None
 def test_a_complete_run_has_its_files_and_is_never_opened_again(tmp_path: Path) -> None:
     path = tmp_path / "run"
     with open_run(path, SETTINGS) as folder:
-        folder.keep(0, ROWS)
+        folder.keep(0, ROWS, MAKER)
         folder.complete({"rows.csv": b"run_id\na\n"}, {"commit": "abc"})
     assert (path / "rows.csv").read_bytes() == b"run_id\na\n"
     assert json.loads((path / "run.json").read_text()) == {"commit": "abc"}
@@ -95,9 +96,26 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
         pass
 
 
-def test_broken_settings_are_named(tmp_path: Path) -> None:
+def test_what_made_the_rows_is_known_however_often_a_run_was_taken_up(tmp_path: Path) -> None:
+    begun(tmp_path / "run", 0, 1)
+    other = {"torch": "2.14.0", "processor": "arm64"}
+    with open_run(tmp_path / "run", SETTINGS) as folder:
+        folder.keep(2, ROWS, other)
+        assert folder.all_makers == sorted([MAKER, other], key=lambda maker: maker["processor"])
+
+
+def test_settings_that_were_never_written_whole_do_not_stand_in_the_way(tmp_path: Path) -> None:
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / ".settings.json.part").write_text('{"seed"')
+    begun(tmp_path / "run", 0)
+    with open_run(tmp_path / "run", SETTINGS) as folder:
+        assert folder.finished == {0: ROWS}
+
+
+@pytest.mark.parametrize("content", ["{", "[]", "null"])
+def test_broken_settings_are_named(tmp_path: Path, content: str) -> None:
     begun(tmp_path / "run")
-    (tmp_path / "run" / "settings.json").write_text("{")
+    (tmp_path / "run" / "settings.json").write_text(content)
     with pytest.raises(RunFolderError, match=r"settings\.json cannot be read"), open_run(tmp_path / "run", SETTINGS):
         pass
 
