@@ -37,7 +37,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
     """A quick run by one process, and what it printed."""
     out = tmp_path_factory.mktemp("results")
-    return out, xar(*SWEEP, "--workers", "1", out=out)
+    return out, xar(*SWEEP, "--workers", "1", out=out, columns=140)
 
 
 @pytest.fixture
@@ -67,7 +67,8 @@ def test_a_run_says_what_is_claimed_and_where_everything_is(finished: tuple[Path
     folder = only_run(out)
     assert str(folder) in result.stdout.replace("\n", "")
     assert "2 and 3 subgoals: no difference" in result.stdout
-    assert max(map(len, result.stdout.splitlines())) <= 100
+    assert "3 runs per condition are too few to conclude anything." in result.stdout
+    assert max(map(len, result.stdout.splitlines())) <= 140
     about = json.loads((folder / "run.json").read_text())
     assert set(about) >= {"command", "commit", "finished_at", "versions", "machine", "scheduler"}
     assert about["versions"]["torch"].startswith("2.")
@@ -88,11 +89,15 @@ def test_a_complete_run_is_never_overwritten(finished: tuple[Path, Result]) -> N
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_leaves_a_run_that_the_same_command_completes_to_the_same_bytes(
-    started: "subprocess.Popen[str]", tmp_path: Path, finished: tuple[Path, Result]
+    started: "subprocess.Popen[str]", tmp_path: Path, finished: tuple[Path, Result], number: signal.Signals
 ) -> None:
-    os.killpg(started.pid, signal.SIGINT)  # As a terminal does: to the program and to its workers.
-    _, told = started.communicate(timeout=60)
+    if number == signal.SIGINT:
+        os.killpg(started.pid, number)  # As a terminal does: to the program and to its workers.
+    else:
+        started.send_signal(number)
+    _, told = started.communicate(timeout=60)  # It ends only when no worker holds the pipe any more.
     folder = only_run(tmp_path)
     assert started.returncode == 130, told
     assert "runs are kept in" in told
@@ -151,6 +156,8 @@ def _wait_for_a_stack(out: Path, process: "subprocess.Popen[str]") -> None:
         (("count", "--quick", "--run", "../up"), "a run is named by up to 80 letters"),
         (("count", "--seed", "-1"), "-1 is not in the range"),
         (("nothing",), "No such command 'nothing'"),
+        (("count", "--quick", "--settings", "ours"), "--quick has settings of its own; leave --settings out"),
+        (("count", "--quick", "--run", ""), "a run is named by up to 80 letters"),
     ],
 )
 def test_a_mistake_is_one_line_and_exit_status_2(tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:

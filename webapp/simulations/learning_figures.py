@@ -218,7 +218,8 @@ def _legend(figure: "Figure", *, circles: bool) -> None:
         handles.append(
             Line2D([], [], linestyle="none", label=f"n of N: did not learn;{_CIRCLE}: the path is not optimal")
         )
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, handlelength=1.4)
+    num_columns = 2 if circles else len(handles)  # Four would be wider than the page.
+    figure.legend(handles=handles, loc="outside lower center", ncols=num_columns, frameon=False, handlelength=1.4)
 
 
 _GOLDEN = 0.6180339887498949

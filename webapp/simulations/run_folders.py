@@ -122,6 +122,8 @@ def _check(path: Path, settings: Mapping[str, object]) -> None:
         raise RunFolderError(f"{path / _SETTINGS} cannot be read; remove the folder or give another --run")
     if begun != settings:
         name, was, now = _first_difference(begun, dict(settings))
+        if name == "code":
+            raise RunFolderError(f"{path} holds an unfinished run of another version of xar; give another --run")
         raise RunFolderError(
             f"{path} holds an unfinished run with other settings: {name} was {was!r} and is {now!r}; finish it as it "
             "was begun, or give another --run"

@@ -4,10 +4,10 @@ A unit is a stack of fixed shape, so where it runs, beside what, and how often i
 """
 
 import re
+import socket
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from threading import Thread
 from typing import Any
 
 from joblib import Parallel, delayed, parallel_config
@@ -111,31 +111,28 @@ def _connected(address: str) -> Iterator[None]:
         from distributed import Client  # noqa: PLC0415 - an extra.
     except ImportError as error:
         raise SchedulerError("a Dask cluster needs the extra: pip install 'xar[dask]'") from error
-    client = _within_patience(lambda: Client(address, timeout=_PATIENCE_S, set_as_default=True))  # type: ignore[no-untyped-call]  # It has no types.
-    if client is None:
+    if not _speaks_first(address):
         raise SchedulerError(f"no Dask scheduler answers at {address}; start one, or use --scheduler loky")
+    try:
+        client: Any = Client(address, timeout=_PATIENCE_S, set_as_default=True)  # type: ignore[no-untyped-call]  # It has no types.
+    except OSError as error:
+        raise SchedulerError(f"the Dask scheduler at {address} does not answer as it should; start it anew") from error
     with client:
         try:
             client.wait_for_workers(1, timeout=_PATIENCE_S)
         except TimeoutError as error:
-            raise SchedulerError(
-                f"the Dask cluster at {address} has no workers; start some with dask worker"
-            ) from error
+            raise SchedulerError(f"the Dask cluster at {address} has no workers; start some: dask worker") from error
         yield
 
 
-def _within_patience(connect: Callable[[], Any]) -> Any:  # noqa: ANN401 - a client, which has no types.
-    """Return what a call returns, or None if it refuses or takes too long. Something else may listen at an address."""
-    found: list[Any] = []
-
-    def try_it() -> None:
-        with suppress(OSError, TimeoutError, ValueError):
-            found.append(connect())
-
-    caller = Thread(target=try_it, daemon=True)
-    caller.start()
-    caller.join(timeout=2 * _PATIENCE_S)
-    return found[0] if found else None
+def _speaks_first(address: str) -> bool:
+    """Say whether somebody listens who greets a caller, as a Dask scheduler does. Its client would wait for ever."""
+    host, _, port = address.removeprefix("tcp://").rpartition(":")
+    try:
+        with socket.create_connection((host.strip("[]"), int(port)), timeout=_PATIENCE_S) as caller:
+            return bool(caller.recv(1))
+    except (OSError, OverflowError):  # The latter for a port beyond 65535.
+        return False
 
 
 _PATIENCE_S = 10

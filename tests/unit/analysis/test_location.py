@@ -112,7 +112,8 @@ def test_an_interval_contains_the_truth_about_as_often_as_it_says() -> None:
 
 def test_runs_that_are_all_stopped_have_the_budget_as_a_lower_bound_of_everything() -> None:
     found = interval_of(Sample.of([BUDGET] * 6, [False] * 6), 0)
-    assert found == Interval(BUDGET, BUDGET, BUDGET, is_lower_bound=True, high_is_lower_bound=True)
+    flags = {"is_lower_bound": True, "low_is_lower_bound": True, "high_is_lower_bound": True}
+    assert found == Interval(BUDGET, BUDGET, BUDGET, **flags)
 
 
 def test_an_interval_of_one_run_is_undefined() -> None:

@@ -1,6 +1,7 @@
 """Verdicts on claims, from groups whose truth is known."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -99,8 +100,25 @@ def test_censored_runs_are_counted_and_never_make_a_group_faster() -> None:
     assert found["verdict"] == "holds"
 
 
+def test_a_difference_within_the_margin_is_none() -> None:
+    slightly = [value + 3 for value in SAME]
+    assert judged("no difference", FASTER, slightly)["mann_whitney_p"] < 0.05
+    assert judged("no difference", FASTER, slightly)["verdict"] == "holds"
+    assert judged("fewer", FASTER, slightly)["verdict"] == "does not hold"
+
+
+def test_a_ratio_that_censored_runs_enter_is_marked_as_the_bound_it_is() -> None:
+    found = judged("fewer", FASTER, [BUDGET] * 30)
+    assert (found["ratio_is_bound"], found["ratio_low_is_bound"], found["ratio_high_is_bound"]) == ("<", "<", "<")
+    other = judged("fewer", [BUDGET] * 30, FASTER)
+    assert (other["ratio_is_bound"], other["ratio_low_is_bound"], other["ratio_high_is_bound"]) == (">", ">", ">")
+    assert judged("fewer", [BUDGET] * 30, [BUDGET] * 30)["ratio_is_bound"] == "?"
+    assert judged("fewer", FASTER, SLOWER)["ratio_is_bound"] is None
+
+
 def test_groups_that_never_learned_are_not_called_equal() -> None:
     found = judged("no difference", [BUDGET] * 30, [BUDGET] * 30)
+    assert pd.isna(found["paper_test_agrees"])
     assert found["mann_whitney_p"] == 1.0
     assert pd.isna(found["paper_p"])
     assert pd.isna(found["log_rank_p"])
@@ -146,6 +164,23 @@ def test_summing_up_counts_every_comparison_once() -> None:
     assert (line["comparisons"], line["holds"], line["does_not_hold"], line["undecided"]) == (2, 1, 1, 0)
     assert line["paper_test_agrees"] == 1
     assert line["verdict"] == "does not hold"
+
+
+def test_a_test_that_cannot_be_made_neither_agrees_nor_disagrees() -> None:
+    values = {"first": [BUDGET] * 10, "second": [BUDGET] * 10, "third": FASTER}
+    made = [Claim("as good", "5.3", "no difference", group("first"), group(name)) for name in ("second", "third")]
+    line = summed_up(compare_groups(made, rows(values), SETTINGS)).iloc[0]
+    assert (line["comparisons"], line["paper_tests"], line["paper_test_agrees"]) == (2, 1, 0)
+
+
+def test_a_statement_is_also_judged_where_the_path_stays_optimal() -> None:
+    values = {"first": FASTER, "second": SLOWER, "third": SAME}
+    lost = replace(group("third"), keeps_optimum=False)
+    made = [Claim("faster", "5.2", "fewer", group("first"), other) for other in (group("second"), lost)]
+    line = summed_up(compare_groups(made, rows(values), SETTINGS)).iloc[0]
+    assert (line["verdict"], line["path_optimal"], line["verdict_path_optimal"]) == ("does not hold", 1, "holds")
+    alone = summed_up(compare_groups(made[1:], rows(values), SETTINGS)).iloc[0]
+    assert (alone["path_optimal"], alone["verdict_path_optimal"]) == (0, None)
 
 
 def test_a_group_without_runs_is_named() -> None:

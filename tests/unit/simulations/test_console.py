@@ -62,7 +62,11 @@ def test_claims_on_several_estimators_are_summed_up() -> None:
 
 @pytest.mark.parametrize("width", [60, 80, 120])
 def test_no_line_is_wider_than_the_terminal(width: int) -> None:
-    claims = pd.DataFrame({"statement": ["a long claim " * 8], "source": ["5.2"], "verdict": ["does not hold"]})
+    counts = {"paper_tests": [4], "paper_test_agrees": [1], "holds": [0], "does_not_hold": [3], "undecided": [1]}
+    told = {"statement": ["a long claim " * 8], "source": ["5.3, another left out"], "verdict": ["does not hold"]}
+    claims = pd.DataFrame({**told, **counts})
     screen = StringIO()
     Console(file=screen, width=width).print(claims_table(claims))
     assert max(map(len, screen.getvalue().splitlines())) <= width
+    assert "1 of 4" in screen.getvalue()
+    assert "0/3/1" in screen.getvalue()

@@ -71,6 +71,18 @@ def test_a_run_with_other_settings_is_refused_and_the_difference_named(tmp_path:
         assert folder.finished == {0: ROWS}
 
 
+def test_a_run_that_other_code_began_is_not_gone_on_with(tmp_path: Path) -> None:
+    with open_run(tmp_path / "run", {"code": "abc"}):
+        pass
+    with (
+        pytest.raises(
+            RunFolderError, match="run holds an unfinished run of another version of xar; give another --run"
+        ),
+        open_run(tmp_path / "run", {"code": "def"}),
+    ):
+        pass
+
+
 def test_two_processes_cannot_write_to_one_run(tmp_path: Path) -> None:
     with (
         open_run(tmp_path / "run", SETTINGS),

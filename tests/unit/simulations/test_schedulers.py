@@ -1,8 +1,10 @@
 """Where units run: processes of this machine, and a real Dask cluster; workers may die."""
 
+import http.server
 import os
 import signal
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
@@ -86,9 +88,30 @@ def square_slowly(number: int) -> int:
     return number * number
 
 
-def test_a_cluster_that_is_not_there_is_named() -> None:
-    with pytest.raises(SchedulerError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9; start one"):
-        list(work_off(parse_scheduler("dask://127.0.0.1:9", 1), square, UNITS))
+@pytest.mark.parametrize("port", [9, 99_999])
+def test_a_cluster_that_is_not_there_is_named(port: int) -> None:
+    with pytest.raises(SchedulerError, match=rf"no Dask scheduler answers at tcp://127\.0\.0\.1:{port}; start one"):
+        list(work_off(parse_scheduler(f"dask://127.0.0.1:{port}", 1), square, UNITS))
+
+
+def test_a_cluster_without_workers_is_named() -> None:
+    with dask_cluster(num_workers=0) as cluster, pytest.raises(SchedulerError, match="has no workers; start some"):
+        list(work_off(parse_scheduler(f"dask://{cluster.address}", 1), square, UNITS))
+
+
+class Silent(http.server.BaseHTTPRequestHandler):
+    """A server that has nothing to do with Dask and keeps it to itself."""
+
+    def log_message(self, *args: object) -> None:
+        """Say nothing."""
+
+
+def test_something_else_at_the_address_is_no_cluster() -> None:
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Silent) as other:
+        Thread(target=other.serve_forever, daemon=True).start()
+        with pytest.raises(SchedulerError, match="no Dask scheduler answers at"):
+            list(work_off(parse_scheduler(f"dask://127.0.0.1:{other.server_port}", 1), square, UNITS))
+        other.shutdown()
 
 
 @pytest.mark.parametrize(
