@@ -5,7 +5,7 @@ them, on the choices of rival selectors, on nothing, and on pairs that lead away
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -205,11 +205,6 @@ def pairs_behind_the_start(task: Task, count: int) -> tuple[StateAction, ...]:
     if len(found) < count:
         raise ValueError(f"{count} pairs that lead away from the goal are needed, and the map has {len(found)}")
     return tuple((int(state), int(action)) for state, action in found[:count])
-
-
-def with_changes(settings: UsefulnessSettings, **changes: object) -> UsefulnessSettings:
-    """Return settings with some of them changed."""
-    return replace(settings, **changes)  # type: ignore[arg-type]
 
 
 _TURNS = 100
