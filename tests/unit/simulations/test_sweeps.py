@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from webapp.simulations import count, usefulness
+from webapp.simulations import count, sweeps, usefulness
 from webapp.simulations.claims import Claim, compare_groups
 from webapp.simulations.conditions import Condition
 from webapp.simulations.run_folders import RunFolder, open_run
@@ -108,6 +108,11 @@ def test_what_another_group_is_told_changes_no_row_of_the_others(tmp_path: Path,
     theirs = ~reference["condition"].eq("step 2") | reference["variant"].eq("once")
     assert rows[theirs].to_csv() == reference[theirs].to_csv()
     assert rows.loc[3, "run_id"] == "repeatable/step-7/000"
+
+
+def test_a_worker_of_another_version_is_refused() -> None:
+    with pytest.raises(sweeps.OtherCode, match="a worker has another version of xar; install the same one everywhere"):
+        sweeps._learn_stack(TINY.layout, (), TINY.fresh, 0, "another")
 
 
 def test_other_seeds_learn_otherwise(tmp_path: Path, reference: pd.DataFrame) -> None:

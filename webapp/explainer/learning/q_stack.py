@@ -113,7 +113,7 @@ class QStack:
     def _backpropagate(self, states: Codes, actions: Codes, targets: NDArray[np.float32]) -> None:
         """Leave in `_gradients` those of the mean Huber loss of `[W, B]` transitions, by the chain rule.
 
-        Written out, it takes two thirds of the time that `torch.autograd` takes for networks as small as these.
+        Written out, because agents learn about a third faster than by `torch.autograd` with networks as small as these.
         """
         observed = self._observations[torch.from_numpy(states)]
         first, second, values = _activations(self._layers, observed)
