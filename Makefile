@@ -42,8 +42,9 @@ bench: install  ## Time what the documentation promises
 	@status=0; for part in promises exact_importance batched_sampling reachability scale pictures learning_runs sweeps; do \
 		echo "== $$part"; $(BIN)/python -m tests.benchmarks.$$part || status=1; done; exit $$status
 
-soak: install  ## Send 200 participants through a server and compare what is stored with what was acknowledged
+soak: install install-browser  ## Many participants at once, then every way of taking part, against what is stored
 	$(BIN)/python -m tests.benchmarks.soak
+	$(BIN)/python -m tests.benchmarks.every_way
 
 lock: install  ## Compile constraints.txt anew from pyproject.toml
 	$(BIN)/uv pip compile --quiet --upgrade --python-version 3.11 --extra test --extra dev --extra dask \

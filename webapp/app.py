@@ -17,7 +17,8 @@ from webapp.config import LOOPBACK, Config, ConfigError
 from webapp.stimuli.catalogue import Catalogue, current_bundle
 from webapp.storage.database import Database
 from webapp.storage.instance import only_server, prepare_instance, secret_key
-from webapp.views import health, participant, researcher
+from webapp.views import arrival, ask, driving, health, participant, researcher
+from webapp.views.assets import init_assets
 from webapp.views.errors import init_errors
 from webapp.views.security import cookie_name, init_security
 from webapp.views.services import Bundles, Services, attach, services_of, utc_now
@@ -44,14 +45,15 @@ def create_app(config: Config, *, clock: Callable[[], datetime] = utc_now) -> Fl
         webapp.storage.instance.InstanceError: The instance folder cannot be used.
         webapp.storage.database.DatabaseError: The database cannot be used.
     """
-    app = Flask("webapp", root_path=str(_resources()), template_folder="templates", static_folder="static")
+    app = Flask("webapp", root_path=str(_resources()), template_folder="templates", static_folder=None)
     services = _open_services(config, clock)
     attach(app, services)
     _configure_flask(app, services)
     init_security(app, config)
+    init_assets(app, _resources() / "static")
     init_errors(app)
     init_texts(app)
-    for module in (participant, researcher, health):
+    for module in (arrival, participant, driving, ask, researcher, health):
         app.register_blueprint(module.bp)
     return app
 

@@ -94,7 +94,7 @@ def create_admin(name: str, *, generate_password: bool, if_missing: bool) -> Non
 @main.command()
 @click.argument("folder", type=click.Path(file_okay=False, path_type=Path), metavar="DIR")
 def export(folder: Path) -> None:
-    """Write ratings.csv and participants.csv into the folder DIR; nothing is overwritten."""
+    """Write the files of the data into the folder DIR; nothing is overwritten."""
     from webapp.config import read_config
     from webapp.storage.database import open_database
     from webapp.storage.exports import export as write_files
@@ -102,12 +102,32 @@ def export(folder: Path) -> None:
     with _refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
         num_rows = write_files(database, folder)
     for name, count in num_rows.items():
-        click.echo(f"{folder / name}: {count} {'row' if count == 1 else 'rows'}")
+        _echo_written(folder / name, count)
+
+
+@main.command()
+@click.argument("file", type=click.Path(path_type=Path))
+def recruits(file: Path) -> None:
+    """Write into FILE who was sent by a recruiter, with their ids there; nothing is overwritten.
+
+    It links the data with people, so keep it apart from them. It is needed to pay, and to answer the recruiter.
+    """
+    from webapp.config import read_config
+    from webapp.storage.database import open_database
+    from webapp.storage.exports import export_recruits
+
+    with _refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
+        num_rows = export_recruits(database, file)
+    _echo_written(file, num_rows)
 
 
 main.add_command(explain)
 main.add_command(compare)
 main.add_command(simulate)
+
+
+def _echo_written(path: Path, num_rows: int) -> None:
+    click.echo(f"{path}: {num_rows} {'row' if num_rows == 1 else 'rows'}")
 
 
 @contextmanager

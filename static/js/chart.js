@@ -1,6 +1,9 @@
 /* Draws a table of mean ratings as bars. The table stays: a canvas says nothing to a screen reader. */
 
-const COLOURS = ["#4c63d2", "#d98a1f", "#1d9a83", "#b1508f", "#7a8190"];
+const COLOURS = [
+  "#4c63d2", "#d98a1f", "#1d9a83", "#b1508f", "#7a8190", "#8c5a2b",
+  "#2f9fc4", "#c2453d", "#6b8e23", "#8a63c9", "#c9a227", "#3d4658",
+];
 const LOWEST = 1;
 
 /** Draw the means of one experiment, grouped by item, one bar per kind of explanation. */

@@ -7,7 +7,13 @@ const UNITS = [
   ["minute", 60],
   ["second", 1],
 ];
-const COUNTS = { arrived: "agreed", in_progress: "in progress", completed: "completed", withdrawn: "left" };
+const COUNTS = {
+  arrived: "agreed",
+  in_progress: "in progress",
+  completed: "completed",
+  withdrawn: "left",
+  screened_out: "screened out",
+};
 
 /** Poll the counts, the cells and the participants while the page is in view, and say politely what changed. */
 export function startLiveOverview(overview) {
@@ -27,7 +33,7 @@ export function startLiveOverview(overview) {
       const status = await response.json();
       show(overview, status);
       report(overview, null);
-      const sentence = summarise(status.counts);
+      const sentence = summarise(overview, status.counts);
       if (announced !== null && announced !== sentence) {
         overview.querySelector("[data-announcer]").textContent = sentence;
       }
@@ -61,8 +67,10 @@ function report(overview, problem) {
   pulse.querySelector("[data-pulse-text]").textContent = `Live, updated ${new Date().toLocaleTimeString()}`;
 }
 
-function summarise(counts) {
+/* What the study never does has no number on the page. */
+function summarise(overview, counts) {
   return Object.entries(COUNTS)
+    .filter(([name]) => overview.querySelector(`[data-count=${name}]`))
     .map(([name, words]) => `${counts[name]} ${words}`)
     .join(", ");
 }
@@ -71,10 +79,10 @@ function show(overview, status) {
   for (const [name, value] of Object.entries(status.counts)) {
     setText(overview.querySelector(`[data-count="${CSS.escape(name)}"]`), value);
   }
-  for (const { experiment, kind, layout, assigned, rated } of status.cells) {
+  for (const { experiment, kind, layout, assigned, done } of status.cells) {
     const cell = overview.querySelector(`[data-cell="${CSS.escape([experiment, kind, layout].join("/"))}"]`);
     setText(cell?.querySelector("[data-value=assigned]"), assigned);
-    setText(cell?.querySelector("[data-value=rated]"), rated);
+    setText(cell?.querySelector("[data-value=done]"), done);
   }
   overview.querySelector("[data-elsewhere]").hidden = status.num_elsewhere === 0;
   setText(overview.querySelector("[data-value=num_elsewhere]"), status.num_elsewhere);

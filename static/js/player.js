@@ -26,6 +26,13 @@ export function startPlayer(section) {
     section.querySelector(".player__action").textContent = caption();
     section.querySelector("progress").value = current + 1;
     showControls();
+    report("shown");
+  }
+
+  /* For whoever follows how the pictures are looked at. */
+  function report(what) {
+    const detail = steps[current].querySelector("img");
+    section.dispatchEvent(new CustomEvent(`player-${what}`, { detail }));
   }
 
   function showControls() {
@@ -41,7 +48,8 @@ export function startPlayer(section) {
   /* While playing, the position and the action; after a step by hand, also what the picture shows. */
   function announce(withPicture) {
     const picture = withPicture ? ` ${steps[current].querySelector("img").alt}` : "";
-    announcer.textContent = `${position()}: ${caption().replace(/\.$/, "")}.${picture}`;
+    const end = /[.。]$/.test(caption()) ? "" : ".";
+    announcer.textContent = `${position()}: ${caption()}${end}${picture}`;
   }
 
   function pause() {
@@ -71,6 +79,7 @@ export function startPlayer(section) {
       if (isLast()) {
         show(0);
         announce(false);
+        report("replayed");
       }
       play();
     }
@@ -83,6 +92,9 @@ export function startPlayer(section) {
       pause();
       show(current + Number(button.dataset.step));
       announce(true);
+      if (Number(button.dataset.step) < 0) {
+        report("stepped-back");
+      }
     });
   });
   speed.addEventListener("change", () => {

@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Literal
+from urllib.parse import urlsplit
 
 from playwright.sync_api import Locator, Page
 
@@ -81,9 +82,9 @@ class Participant:
     def go_on(self, key: str) -> None:
         """Press the button with this text."""
         self.check_width()
-        before = self.page.url
+        before = urlsplit(self.page.url).path
         self.press(self.button(key))
-        self.page.wait_for_url(lambda url: url != before)
+        self.page.wait_for_url(lambda url: urlsplit(url).path != before)
 
     def rate(self, experiment: str, position: int) -> None:
         """Look at the explanation and answer every item."""

@@ -60,13 +60,13 @@ def read_csv(content: bytes) -> list[Row]:
 
 
 @contextmanager
-def serve(built_instance: Path, instance: Path) -> Iterator[Site]:
+def serve(built_instance: Path, instance: Path, study: str = STUDY) -> Iterator[Site]:
     """Serve a copy of a built study; a server that complains or does not stop cleanly fails whoever used it."""
     shutil.copytree(built_instance / "bundles", instance / "bundles")
     made = run(instance, "admin", "create", RESEARCHER, "--generate-password")
     assert made.returncode == 0, made.stderr
-    catalogue = Catalogue.open(current_bundle(instance, STUDY))
-    with serving(instance) as server:
+    catalogue = Catalogue.open(current_bundle(instance, study))
+    with serving(instance, "--study", study) as server:
         yield Site(f"http://127.0.0.1:{server.port}", instance, made.stdout.split()[-1], catalogue)
         status, complaints = server.stop(signal.SIGINT)
     assert (status, complaints) == (0, "")

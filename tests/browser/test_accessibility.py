@@ -1,38 +1,16 @@
 """axe looks at every kind of page, on a large screen and on a phone, in light and in dark colours."""
 
-import json
 import random
 from collections.abc import Iterator
 
 import pytest
 from playwright.sync_api import Page
 
+from tests.browser.axe import assert_accessible
 from tests.browser.participant import Participant
 from tests.browser.researcher import sign_in
 from tests.browser.site import Site
-from tests.browser.windows import DESKTOP, PHONE, OpenContext
-from tests.conftest import ROOT
-
-AXE = ROOT / "tests/vendor/axe-core/axe.min.js"
-SIZES = {"desktop": DESKTOP["viewport"], "phone": PHONE["viewport"]}
-LOOK = """async () => {
-    const result = await window.axe.run(document, { resultTypes: ["violations"] });
-    return result.violations.map((rule) => [rule.id, ...rule.nodes.map((node) => node.target.join(" "))]);
-}"""
-
-
-def assert_accessible(page: Page, name: str) -> None:
-    """Fail with rules and elements if axe finds anything, whatever the size and the colours."""
-    page.evaluate(AXE.read_text(encoding="utf-8"))
-    found = {}
-    for size, viewport in SIZES.items():
-        page.set_viewport_size(viewport)
-        for colours in ("light", "dark"):
-            page.emulate_media(color_scheme=colours)
-            violations = page.evaluate(LOOK)
-            if violations:
-                found[f"{name}, {size}, {colours}"] = violations
-    assert not found, json.dumps(found, indent=1)
+from tests.browser.windows import OpenContext
 
 
 @pytest.fixture
@@ -79,6 +57,7 @@ def test_a_rating_page_with_missing_answers_and_one_with_a_notice(page: Page, si
     participant.go_on("instructions.start")
     participant.go_on("situation.continue")
     participant.button("explanation.send").click()
+    page.locator(".error-summary").wait_for()
     assert_accessible(page, "a rating page with missing answers")
 
 

@@ -93,3 +93,16 @@ def test_the_announced_actions_stand_below_it(video: tuple[Participant, int]) ->
     announced = participant.page.locator(".announced li").all_text_contents()
     assert len(announced) == 2
     assert all(re.search(r"\w", words) for words in announced)
+
+
+def test_below_it_the_same_can_be_read(site: Site, open_context: OpenContext) -> None:
+    participant, count = open_video(site, open_context, java_script_enabled=False)
+    page = participant.page
+    expect(page.locator(".twin li").first).to_be_hidden()
+    page.locator(".twin summary").click()
+    told = page.locator(".twin li").all_inner_texts()
+    alts = [str(picture.get_attribute("alt")) for picture in page.locator(".player img").all()]
+    actions = page.locator(".player .strip__words").all_text_contents()
+    assert len(told) == count
+    assert all(words.startswith(alt) for words, alt in zip(told, alts, strict=True))
+    assert all(words.endswith(action) for words, action in zip(told, actions, strict=False))

@@ -68,7 +68,7 @@ def test_the_clock_waits_until_all_pictures_are_there(arrive: Arrive) -> None:
         route.continue_()
     page.unroute("**/pictures/*.png")
     page.wait_for_load_state("load")
-    page.wait_for_function("() => Object.keys(sessionStorage).length === 1")
+    page.locator("form[data-clock=running]").wait_for()
     participant.answer("likeliness", 4)
     assert 0 < int(time_of(participant, "likeliness")) <= (time.monotonic() - released_at) * 1000
 

@@ -1,4 +1,4 @@
-"""`xar serve`, `xar admin create` and `xar export`, each in a process of its own."""
+"""`xar serve`, `xar admin create`, `xar export` and `xar recruits`, each in a process of its own."""
 
 import http.client
 import json
@@ -11,9 +11,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.unit.storage.people import enrol_somebody
 from tests.web.bundles import FILLED_IN, read_study, write_bundle
 from tests.web.reading import ask, num_rows
 from tests.web.servers import XAR, environment, run, serving
+from webapp.storage.database import open_database
+from webapp.storage.exports import FILE_NAMES
+from webapp.study.recruitment import Recruit
 
 _WORK = """
 import json, sys
@@ -230,17 +234,37 @@ def test_an_empty_study_name_is_refused_and_builds_nothing(instance: Path) -> No
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
 
 
-def test_an_export_writes_both_files_and_overwrites_none(instance: Path, tmp_path: Path) -> None:
+def test_an_export_writes_every_file_and_overwrites_none(instance: Path, tmp_path: Path) -> None:
     missing = run(instance, "export", str(tmp_path / "data"))
     assert missing.returncode == 2
     assert missing.stderr.startswith("xar: there is no database")
     run(instance, "admin", "create", "researcher", "--generate-password")
     done = run(instance, "export", str(tmp_path / "data"))
     assert done.returncode == 0
-    assert done.stdout == "".join(f"{tmp_path}/data/{name}: 0 rows\n" for name in ("ratings.csv", "participants.csv"))
+    assert done.stdout == "".join(f"{tmp_path}/data/{name}: 0 rows\n" for name in FILE_NAMES)
+    assert sorted(path.name for path in (tmp_path / "data").iterdir()) == sorted(FILE_NAMES)
     again = run(instance, "export", str(tmp_path / "data"))
     assert again.returncode == 2
     assert again.stderr == f"xar: {tmp_path}/data/ratings.csv exists already; choose another folder\n"
+
+
+def test_recruits_are_written_by_a_verb_of_their_own_and_overwrite_nothing(instance: Path, tmp_path: Path) -> None:
+    file = tmp_path / "recruits.csv"
+    missing = run(instance, "recruits", str(file))
+    assert (missing.returncode, file.exists()) == (2, False)
+    assert missing.stderr.startswith("xar: there is no database")
+    assert missing.stderr.count("\n") == 1
+    with open_database(instance / "xar.sqlite3") as database:
+        enrol_somebody(database, recruit=Recruit("sona", "77"))
+    done = run(instance, "recruits", str(file))
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"{file}: 1 row\n", "")
+    assert file.read_text(encoding="utf-8").splitlines()[1].endswith(",sona,77,,,in_progress")
+    again = run(instance, "recruits", str(file))
+    assert again.returncode == 2
+    assert again.stderr == f"xar: {file} exists already; choose another file\n"
+    nowhere = run(instance, "recruits", str(tmp_path / "missing" / "recruits.csv"))
+    assert nowhere.returncode == 2
+    assert nowhere.stderr == f"xar: {tmp_path}/missing/recruits.csv: No such file or directory\n"
 
 
 def test_answers_survive_a_server_that_is_killed(instance: Path) -> None:

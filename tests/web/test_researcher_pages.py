@@ -14,12 +14,14 @@ from tests.web.bundles import read_study, write_bundle
 from tests.web.people import ITEMS, SAME_SITE, Clock, Visitor
 from tests.web.reading import ask, num_rows
 from webapp.config import Config
-from webapp.storage.exports import PARTICIPANTS_COLUMNS, RATINGS_COLUMNS
+from webapp.storage.export_columns import PARTICIPANTS_COLUMNS, RATINGS_COLUMNS
+from webapp.storage.exports import FILE_NAMES, RECRUITS
 from webapp.storage.researchers import create_researcher
 from webapp.views.services import services_of
 
 NAME, PASSWORD = "researcher", "correct horse battery"
-CLOSED = ("/researcher/", "/researcher/status.json", "/researcher/ratings.csv", "/researcher/participants.csv")
+DOWNLOADS = (*FILE_NAMES, RECRUITS)
+CLOSED = ("/researcher/", "/researcher/status.json", *(f"/researcher/{name}" for name in DOWNLOADS))
 
 
 @pytest.fixture
@@ -110,13 +112,13 @@ def test_live_numbers_follow_the_participants(researcher: Visitor, app: Flask) -
         person.walk(last=last)
     people[3].post("/leave")
     answer = researcher.get("/researcher/status.json").get_json()
-    assert answer["counts"] == {"arrived": 4, "in_progress": 2, "completed": 1, "withdrawn": 1}
+    assert answer["counts"] == {"arrived": 4, "in_progress": 2, "completed": 1, "withdrawn": 1, "screened_out": 0}
     assert [line["progress"] for line in answer["participants"]] == [1, 11, 3, 0]
     assert [line["state"] for line in answer["participants"]] == ["withdrawn", "completed", "in_progress", "consented"]
     assert {line["num_pages"] for line in answer["participants"]} == {11}
     assert all(re.fullmatch(r"2031-03-01T\d\d:\d\d:\d\dZ", line["last_seen"]) for line in answer["participants"])
     assert sum(cell["assigned"] for cell in answer["cells"]) == 4 * 5
-    assert sum(cell["rated"] for cell in answer["cells"]) == 5 + 1
+    assert sum(cell["done"] for cell in answer["cells"]) == 5 + 1
     page = researcher.get("/researcher/").text
     assert all(line["code"] in page for line in answer["participants"])
 
@@ -170,14 +172,25 @@ def test_the_csv_holds_what_was_clicked(researcher: Visitor, app: Flask) -> None
 
 
 def test_downloads_are_files_and_are_logged(researcher: Visitor, instance: Path) -> None:
-    for name in ("ratings.csv", "participants.csv"):
+    for name in FILE_NAMES:
         answer = researcher.get(f"/researcher/{name}")
         assert answer.headers["Content-Type"] == "text/csv; charset=utf-8"
         assert answer.headers["Content-Disposition"] == f"attachment; filename={name}"
         assert answer.headers["Cache-Control"] == "no-store"
         assert not answer.data.startswith(b"\xef\xbb\xbf")
     logged = ask(instance, "SELECT detail FROM audit_log WHERE action = 'downloaded' ORDER BY id")
-    assert logged == [("ratings.csv",), ("participants.csv",)]
+    assert logged == [(name,) for name in FILE_NAMES]
+
+
+def test_every_file_is_offered_for_download(researcher: Visitor) -> None:
+    offered = re.findall(r'href="/researcher/(\S+\.csv)" download', researcher.get("/researcher/").text)
+    assert offered == list(FILE_NAMES)
+
+
+@pytest.mark.parametrize("path", ["/researcher/secrets.csv", "/researcher/.csv", "/researcher/recruits.csv"])
+def test_no_other_file_can_be_had(researcher: Visitor, instance: Path, path: str) -> None:
+    assert researcher.get(path).status_code == 404
+    assert ask(instance, "SELECT 1 FROM audit_log WHERE action = 'downloaded'") == []
 
 
 def test_a_download_that_is_never_read_to_its_end_does_not_hold_up_participants(
@@ -229,3 +242,7 @@ def test_the_means_are_shown_on_the_scale_of_the_study_file(
     page = researcher.get("/researcher/").text
     assert f"From 1 to {points}." in page
     assert page.count(f'data-highest="{points}"') == 2
+
+
+def test_nobody_is_counted_as_screened_out_where_no_quiz_can_end_the_study(researcher: Visitor) -> None:
+    assert 'data-count="screened_out"' not in researcher.get("/researcher/").text

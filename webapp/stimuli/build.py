@@ -109,12 +109,12 @@ def _explain(sources: Sources, provider: AgentProvider, progress: ReportProgress
     }
     reports = tuple(
         report_on(
+            study,
             name,
             sources.layouts[name],
             agents.by_layout[name],
             walks[name],
             {experiment: by_layout[name] for experiment, by_layout in scenes.items() if name in by_layout},
-            settings,
         )
         for name in study.layouts
     )
@@ -150,9 +150,9 @@ def _write_files(folder: Path, sources: Sources, explained: _Explained) -> None:
     (folder / "manifest.json").write_bytes(canonical_json(_manifest(sources, explained)))
     for part in ("tables", "pictures"):
         (folder / part).mkdir()
-    for name, layout in sources.layouts.items():
+    for name in sources.layouts:
         table = table_content(
-            layout, explained.agents.by_layout[name], explained.walks[name], explained.album.numbers[name]
+            sources, name, explained.agents.by_layout[name], explained.walks[name], explained.album.numbers[name]
         )
         (folder / "tables" / f"{name}.json").write_bytes(canonical_json(table))
     for digest, picture in explained.album.files.items():

@@ -3,7 +3,8 @@
 A bundle is a folder named after the hash of its content:
 
 - `catalogue.json`: the study, the texts, and what is shown in each trial, for each language;
-- `tables/<layout>.json`: states, transitions, the picture of each state, path, importance (see `stimuli.tables`);
+- `tables/<layout>.json`: states, transitions, the picture of each state, path, importance, the path in words (see
+  `stimuli.tables`); read when it is first asked for;
 - `pictures/<digest>.png`: every view that can be reached, once;
 - `weights.safetensors`: the agents and world models;
 - `manifest.json`: what it was made with, and the build report.
@@ -14,16 +15,32 @@ This module imports neither NumPy nor Pillow nor torch, so that a web worker sta
 import hashlib
 import json
 import re
+import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from webapp.stimuli.layout_table import LayoutTable, read_layout_table
+from webapp.stimuli.shown import Frame, ProbeQuestion, Situation, Strip
+from webapp.stimuli.world_table import WorldTable
+from webapp.study.experiments import TAILORED_KINDS
 from webapp.study.protocol import Study
 from webapp.study.session import Trial
 from webapp.study.texts import Texts
 
-CATALOGUE_FORMAT = 1
+__all__ = [
+    "CATALOGUE_FORMAT",
+    "BundleError",
+    "Catalogue",
+    "Frame",
+    "ProbeQuestion",
+    "Situation",
+    "Strip",
+    "bundle_version",
+    "current_bundle",
+]
+
+CATALOGUE_FORMAT = 2
 """Raised when a bundle of an earlier program can no longer be read."""
 
 _DIGEST = re.compile(r"[0-9a-f]{64}")
@@ -31,51 +48,6 @@ _DIGEST = re.compile(r"[0-9a-f]{64}")
 
 class BundleError(ValueError):
     """A bundle that is missing, damaged, or made by another version of the program."""
-
-
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """One picture of the agent's view.
-
-    Attributes:
-        digest: SHA-256 of the picture's bytes, in hexadecimal; also its file name.
-        alt: The picture in words, in the language asked for.
-    """
-
-    digest: str
-    alt: str
-
-
-@dataclass(frozen=True, slots=True)
-class Strip:
-    """Pictures in order of time, with the action between each and the next.
-
-    Attributes:
-        frames: At least one.
-        actions: The actions in the language asked for, one fewer than frames.
-    """
-
-    frames: tuple[Frame, ...]
-    actions: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        if len(self.frames) != len(self.actions) + 1:
-            raise ValueError(f"{len(self.frames)} pictures need one action fewer between them, not {len(self.actions)}")
-
-
-@dataclass(frozen=True, slots=True)
-class Situation:
-    """What a participant sees before an explanation.
-
-    Attributes:
-        current: The agent's view when the explanation is given.
-        video: What happened so far, ending with the current view; None where only the current view is shown.
-        announced: The next actions, in the language asked for; empty where none are announced.
-    """
-
-    current: Frame
-    video: Strip | None
-    announced: tuple[str, ...]
 
 
 class Catalogue:
@@ -96,6 +68,8 @@ class Catalogue:
         self._known = frozenset(self._digests)
         self._actions: tuple[str, ...] = tuple(content["actions"])
         self._trials = content["trials"]
+        self._tables: dict[str, LayoutTable] = {}
+        self._lock = threading.Lock()
 
     @classmethod
     def open(cls, folder: Path) -> "Catalogue":
@@ -144,19 +118,124 @@ class Catalogue:
             announced=self._wordings(shown["announced"], language),
         )
 
-    def explanation(self, trial: Trial, language: str) -> tuple[Strip, ...]:
+    def explanation(self, trial: Trial, language: str, key_points: Sequence[int] | None = None) -> tuple[Strip, ...]:
         """Return a trial's explanation: the current view first, then what is shown of the way to the goal.
 
+        Args:
+            trial: The trial.
+            language: The language of the words.
+            key_points: For a tailored kind, and for no other: the steps that the participant's own route missed.
+                Whoever missed none is shown all the subgoals.
+
         Raises:
-            KeyError: The study has no such experiment, layout, kind or language.
+            KeyError: The study has no such experiment, layout, kind or language, or a key point is no subgoal from the
+                trial's step on.
             IndexError: The random kind has no such draw.
+            ValueError: The key points of a tailored kind are missing, or another kind has some.
         """
-        variants = self._trials[trial.experiment][trial.layout]["explanations"][trial.kind]
-        return tuple(self._strip(strip, language) for strip in variants[trial.draw or 0])
+        if (key_points is None) == (trial.kind in TAILORED_KINDS):
+            raise ValueError(f"key points belong to a tailored kind and to no other, and this is {trial.kind!r}")
+        shown = self._trials[trial.experiment][trial.layout]
+        if key_points is None:
+            strips = shown["explanations"][trial.kind][trial.draw or 0]
+        else:
+            strips = [_only(shown["situation"]["current"]), *_tailored(trial, shown["pairs"], key_points)]
+        return tuple(self._strip(strip, language) for strip in strips)
+
+    def from_step(self, trial: Trial) -> int:
+        """Return the step, from 1, at which a trial's explanation is given.
+
+        Raises:
+            KeyError: The study has no such experiment or layout.
+        """
+        step: int = self._trials[trial.experiment][trial.layout]["from_step"]
+        return step
+
+    def probes(self, experiment_id: str, layout: str) -> tuple[ProbeQuestion, ...]:
+        """Return the questions what the agent does next, in order; none where the experiment asks for no prediction.
+
+        Raises:
+            KeyError: The study has no such experiment or layout.
+        """
+        return tuple(
+            ProbeQuestion(
+                state=probe["state"],
+                action=self._actions[probe["action"]],
+                as_good=tuple(self._actions[action] for action in probe["as_good"]),
+            )
+            for probe in self._trials[experiment_id][layout]["probes"]
+        )
+
+    def world(self, layout: str) -> WorldTable:
+        """Return the world of a layout and what the agent does in it. It is read when first asked for, and kept.
+
+        Raises:
+            KeyError: The study has no such layout.
+            BundleError: The table has gone or was damaged since the bundle was opened.
+        """
+        return self._table(layout).world
+
+    def view(self, layout: str, state: int, language: str) -> Frame:
+        """Return what the agent sees in a state of a layout's world.
+
+        Raises:
+            KeyError: The study has no such layout or language.
+            IndexError: There is no such state.
+        """
+        return self._frame(self._table(layout).pictures[state], language)
+
+    def strips_of(self, layout: str, steps: Sequence[int], language: str, from_step: int = 1) -> tuple[Strip, ...]:
+        """Return the current view, then some steps of the agent's path as an explanation shows them.
+
+        Args:
+            layout: The layout.
+            steps: From `from_step` to T, ascending.
+            language: The language of the words.
+            from_step: The step of the current view, from 1 to T.
+
+        Raises:
+            KeyError: The study has no such layout or language.
+            ValueError: There is no such step, or the steps do not ascend.
+        """
+        pairs = self._table(layout).pairs(steps, from_step)
+        return tuple(
+            Strip(tuple(self._frame(picture, language) for picture in pictures), self._wordings(actions, language))
+            for pictures, actions in pairs
+        )
+
+    def sentences(self, layout: str, language: str) -> dict[int, str]:
+        """Return what the agent does at each step of its path, from 1, in words.
+
+        Raises:
+            KeyError: The study has no such layout or language.
+        """
+        return dict(enumerate(self._table(layout).sentences[language], start=1))
+
+    def action_name(self, action: int | str, language: str) -> str:
+        """Return what an action, given by its number or its name, is called in a language.
+
+        Raises:
+            KeyError: The study has no such language.
+            IndexError: There is no action of this number.
+            MissingTextError: There is no action of this name.
+        """
+        name = action if isinstance(action, str) else self._actions[action]
+        return self._texts[language](f"actions.{name}")
 
     def picture_path(self, digest: str) -> Path | None:
         """Return the file of a picture, or None if the bundle has no picture of this digest."""
         return self._folder / "pictures" / f"{digest}.png" if digest in self._known else None
+
+    def _table(self, layout: str) -> LayoutTable:
+        if layout not in self.study.layouts:
+            raise KeyError(layout)
+        with self._lock:
+            if layout not in self._tables:
+                try:
+                    self._tables[layout] = read_layout_table(self._folder / "tables" / f"{layout}.json", layout)
+                except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+                    raise BundleError(f"the study bundle {self._folder} is damaged ({error}); build it again") from None
+            return self._tables[layout]
 
     def _frame(self, index: int, language: str) -> Frame:
         return Frame(digest=self._digests[index], alt=self._alts[language][index])
@@ -165,9 +244,8 @@ class Catalogue:
         frames = tuple(self._frame(index, language) for index in strip["frames"])
         return Strip(frames, self._wordings(strip["actions"], language))
 
-    def _wordings(self, actions: Sequence[int], language: str) -> tuple[str, ...]:
-        texts = self._texts[language]
-        return tuple(texts(f"actions.{self._actions[action]}") for action in actions)
+    def _wordings(self, actions: Sequence[int | str], language: str) -> tuple[str, ...]:
+        return tuple(self.action_name(action, language) for action in actions)
 
 
 def bundle_version(folder: Path) -> str:
@@ -205,3 +283,13 @@ def current_bundle(instance: Path, study: str) -> Path:
 
 def _texts(language: str, entries: Mapping[str, str | list[str]]) -> Texts:
     return Texts(language, {key: tuple(text) if isinstance(text, list) else text for key, text in entries.items()})
+
+
+def _only(picture: int) -> dict[str, list[int]]:
+    return {"frames": [picture], "actions": []}
+
+
+def _tailored(trial: Trial, pairs: Mapping[str, Any], key_points: Sequence[int]) -> list[Any]:
+    if not key_points:
+        return [pairs[step] for step in sorted(pairs, key=int)]
+    return [pairs[str(step)] for step in (key_points[:1] if trial.kind == "tailored_first" else key_points)]

@@ -8,9 +8,12 @@ from rich import box
 from rich.console import Console, Group, RenderableType
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 from webapp.stimuli.agents import ReportProgress
 from webapp.stimuli.build import Built
+from webapp.stimuli.report import LayoutReport
+from webapp.study.protocol import Experiment, Study
 
 _COLUMNS: tuple[tuple[str, Literal["left", "right"]], ...] = (
     ("layout", "left"),
@@ -45,7 +48,7 @@ def shown_progress(console: Console) -> Iterator[ReportProgress]:
 
 
 def render_report(built: Built) -> RenderableType:
-    """Lay out what came of a build: a line for each layout, and where the bundle is."""
+    """Lay out what came of a build: a line for each layout, how many pictures are shown, and where the bundle is."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for heading, justify in _COLUMNS:
         table.add_column(heading, justify=justify, no_wrap=True)
@@ -65,7 +68,43 @@ def render_report(built: Built) -> RenderableType:
     outcome = "Built" if built.is_new else "Nothing has changed since it was built:"
     catalogue = built.catalogue
     summary = f"{outcome} study {catalogue.study.name}, {len(catalogue.digests)} pictures, version {catalogue.version}"
-    return Group(table, note, summary)
+    tables = [_pictures(experiment, built.reports) for experiment in catalogue.study.experiments]
+    remarks: list[RenderableType] = [*_coinciding(built.reports), *_unvalidated(catalogue.study)]
+    return Group(table, note, *tables, *remarks, summary)
+
+
+def _pictures(experiment: Experiment, reports: Sequence[LayoutReport]) -> Table:
+    """Lay out how many pictures each kind shows of each layout; a range where that depends on draw or participant."""
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    table.add_column(f"pictures in experiment {experiment.id}", no_wrap=True)
+    for layout in experiment.layouts:
+        table.add_column(layout, justify="right")
+    by_layout = {report.layout: report for report in reports}
+    shown = [by_layout[layout] for layout in experiment.layouts]
+    for kind in experiment.kinds:
+        table.add_row(kind, *(_num_pictures(report, experiment.id, kind) for report in shown))
+    return table
+
+
+def _num_pictures(report: LayoutReport, experiment: str, kind: str) -> str:
+    fewest, most = report.pictures[experiment][kind]
+    number = str(fewest) if fewest == most else f"{fewest}-{most}"
+    return f"= {number}" if kind in report.arms_like_subgoals[experiment] else number
+
+
+def _coinciding(reports: Sequence[LayoutReport]) -> list[str]:
+    if not any(kinds for report in reports for kinds in report.arms_like_subgoals.values()):
+        return []
+    return ["“=”: the arm happens to choose the very steps that are the subgoals, so nothing is compared there."]
+
+
+def _unvalidated(study: Study) -> list[Text]:
+    wish = "rating items are an unvalidated translation; [translations.{}] back_translation cites one"
+    return [
+        Text(f"{language}: {wish.format(language)}")  # As it stands: brackets are no markup here.
+        for language in study.languages
+        if study.validation(language) == "unvalidated"
+    ]
 
 
 def _listed(steps: Sequence[int]) -> str:

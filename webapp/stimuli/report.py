@@ -11,18 +11,20 @@ from typing import Any
 import numpy as np
 
 from webapp.explainer.importance import exact_importance
+from webapp.explainer.mdp import DeterministicMDP
 from webapp.explainer.solvers import follow
 from webapp.explainer.worlds.key_door import tabulate
 from webapp.explainer.worlds.layout import Layout
 from webapp.stimuli.agents import Agent, BuildError
 from webapp.stimuli.scenes import Scene, Walk
-from webapp.study.protocol import ExplanationSettings
+from webapp.stimuli.sources import SHARED_TEXTS
+from webapp.study.protocol import Study
 
 _PACKAGES = ("gymnasium", "minigrid", "numpy", "pillow", "safetensors", "torch")
 """The packages whose version can change a bundle's bytes."""
 
 _CODE = ("explainer", "stimuli", "study")
-"""The packages of this project whose code can."""
+"""The packages of this project whose code can, and their tables of phrases."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +37,8 @@ class LayoutReport:
         num_steps: The length of the agent's path.
         subgoals: Steps from 1.
         key_points: By experiment: the steps that answer its question.
+        pictures: By experiment and kind: the fewest and the most pictures of an explanation.
+        arms_like_subgoals: By experiment: the comparison arms that show exactly what the subgoals show.
         max_difference: The largest absolute difference between the importance in the agent's world and in the exact
             table, over the states of the path.
         training: What is to be reported of the agent's training; empty when nothing was trained.
@@ -45,6 +49,8 @@ class LayoutReport:
     num_steps: int
     subgoals: Sequence[int]
     key_points: Mapping[str, Sequence[int]]
+    pictures: Mapping[str, Mapping[str, Sequence[int]]]
+    arms_like_subgoals: Mapping[str, Sequence[str]]
     max_difference: float
     training: Mapping[str, Any]
 
@@ -54,13 +60,23 @@ class LayoutReport:
 
 
 def report_on(
-    name: str, layout: Layout, agent: Agent, way: Walk, scenes: Mapping[str, Scene], settings: ExplanationSettings
+    study: Study, name: str, layout: Layout, agent: Agent, way: Walk, scenes: Mapping[str, Scene]
 ) -> LayoutReport:
     """Compare what was explained with the exact world.
 
+    Args:
+        study: The study.
+        name: The layout's name.
+        layout: The map.
+        agent: Whose world and policy it is.
+        way: Its path.
+        scenes: By experiment, those of this layout.
+
     Raises:
-        BuildError: The agent's world has other states than the exact one, or its path is another there.
+        BuildError: The agent's world has other states than the exact one, its path is another there, or participants
+            act in it and it errs.
     """
+    settings = study.explanation
     exact = tabulate(layout)
     if set(exact.states) != set(agent.world.states):
         raise BuildError(f"layout {name!r}: the world model reaches other states than the world itself")
@@ -68,6 +84,8 @@ def report_on(
     path = follow(exact, policy)
     if [exact.states[state] for state in path.states] != [agent.world.states[state] for state in way.path.states]:
         raise BuildError(f"layout {name!r}: the agent's path in its world model is not its path in the world itself")
+    if name in acted_in(study):
+        _check_transitions(name, exact, agent.world)
     importance = exact_importance(settings.importance, exact, policy, path, settings.random_steps)
     return LayoutReport(
         layout=name,
@@ -75,9 +93,35 @@ def report_on(
         num_steps=way.path.num_steps,
         subgoals=way.subgoals,
         key_points={experiment: scene.key_points for experiment, scene in scenes.items() if scene.key_points},
+        pictures={
+            experiment: {kind: scene.num_pictures(kind) for kind in study.experiment(experiment).kinds}
+            for experiment, scene in scenes.items()
+        },
+        arms_like_subgoals={experiment: scene.arms_like_subgoals() for experiment, scene in scenes.items()},
         max_difference=float(np.max(np.abs(importance.values - way.importance.values))),
         training=agent.training,
     )
+
+
+def acted_in(study: Study) -> frozenset[str]:
+    """Return the layouts in which somebody's own actions are carried out: in practice, in a drive, on `/ask`."""
+    if study.ask is not None:
+        return frozenset(study.layouts)
+    practised = () if study.practice is None else (study.practice.layout,)
+    driven = (layout for experiment in study.experiments if experiment.drive for layout in experiment.layouts)
+    return frozenset((*practised, *driven))
+
+
+def _check_transitions(name: str, exact: DeterministicMDP, known: DeterministicMDP) -> None:
+    """Refuse a world model that would carry out an action otherwise than the world does."""
+    place = np.array([known.index[label] for label in exact.states])
+    wrong = np.argwhere(known.next_state[place] != place[exact.next_state])
+    if len(wrong):
+        state, action = wrong[0]
+        raise BuildError(
+            f"layout {name!r}: people act in it, and the world model errs there, such as on "
+            f"{exact.actions[action]!r} in {exact.states[state]!r}"
+        )
 
 
 def made_with() -> dict[str, Any]:
@@ -100,26 +144,30 @@ def processor_type() -> str:
     return models[0] if models else platform.processor() or platform.machine()
 
 
-def inputs_digest(study_folder: Path, agents: str) -> str:
+def inputs_digest(study_folder: Path, agents: str, shared_texts: Path = SHARED_TEXTS) -> str:
     """Hash everything that a bundle follows from, without building it.
 
     Args:
         study_folder: The study's files.
         agents: What the agents are made by.
+        shared_texts: The texts that all studies share.
 
     Returns:
-        SHA-256 in hexadecimal: of the study's files, the code, the packages, the processor type.
+        SHA-256 in hexadecimal: of the study's files, the texts that all studies share, the code, the packages, the
+        processor type.
     """
     digest = hashlib.sha256(repr((agents, sorted(made_with().items()))).encode())
-    for root, file in _inputs(study_folder):
+    for root, file in _inputs(study_folder, shared_texts):
         content = hashlib.sha256(file.read_bytes()).hexdigest()
         digest.update(f"{content}  {file.relative_to(root).as_posix()}\n".encode())
     return digest.hexdigest()
 
 
-def _inputs(study_folder: Path) -> Iterator[tuple[Path, Path]]:
+def _inputs(study_folder: Path, shared_texts: Path) -> Iterator[tuple[Path, Path]]:
     package = Path(__file__).parents[1]
     for part in _CODE:
-        yield from ((package, file) for file in sorted((package / part).rglob("*.py")))
+        files = [file for ending in ("py", "toml") for file in (package / part).rglob(f"*.{ending}")]
+        yield from ((package, file) for file in sorted(files))
+    yield from ((shared_texts.parent, file) for file in sorted(shared_texts.glob("*.toml")))
     files = [study_folder / "study.toml", *study_folder.glob("layouts/*.txt"), *study_folder.glob("texts/*.toml")]
     yield from ((study_folder, file) for file in sorted(files))

@@ -6,13 +6,21 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
+from webapp.explainer.pictures.sentences import load_phrases
 from webapp.explainer.pictures.words import PHRASES, check_phrases
 from webapp.explainer.worlds.key_door import ACTIONS, tabulate
 from webapp.explainer.worlds.layout import Layout, LayoutError, parse_layout
 from webapp.study.page_texts import PAGE_TEXTS
-from webapp.study.problems import StudyError
+from webapp.study.problems import StudyError, located
 from webapp.study.protocol import Study, parse_study
-from webapp.study.texts import Texts, Wanted, check_texts, parse_texts, study_texts
+from webapp.study.study_texts import study_texts
+from webapp.study.texts import Texts, Wanted, check_texts, parse_texts
+
+STUDIES = Path(__file__).parents[1] / "studies"
+"""The studies that come with the program, each in a folder of its own."""
+
+SHARED_TEXTS = STUDIES / "texts"
+"""The texts that all studies share, a file for each language."""
 
 _Part = TypeVar("_Part", Layout, Texts)
 
@@ -25,11 +33,13 @@ class Sources:
         study: The study as declared.
         layouts: Every layout of the study, by name, in the study's order; the goal of each can be reached.
         texts: Every language of the study, by code, in the study's order; nothing is missing from any.
+        step_phrases: By language, the phrases that put the agent's steps into words (`pictures.sentences`).
     """
 
     study: Study
     layouts: Mapping[str, Layout]
     texts: Mapping[str, Texts]
+    step_phrases: Mapping[str, Mapping[str, str]]
 
 
 def find_study(name: str) -> Path:
@@ -38,31 +48,43 @@ def find_study(name: str) -> Path:
     Raises:
         StudyError: There is none.
     """
-    declared = Path(__file__).parents[1] / "studies"
-    for folder in (declared / name, Path(name)):
+    for folder in (STUDIES / name, Path(name)):
         if (folder / "study.toml").is_file():
             return folder.resolve()
-    known = sorted(file.parent.name for file in declared.glob("*/study.toml"))
+    known = sorted(file.parent.name for file in STUDIES.glob("*/study.toml"))
     wish = f"use {' or '.join(known)}, or a folder that holds a study.toml"
     raise StudyError([f"there is no study {name!r}; {wish}"])
 
 
-def read_sources(folder: Path) -> Sources:
+def read_sources(folder: Path, shared_texts: Path = SHARED_TEXTS) -> Sources:
     """Read a study's folder: `study.toml`, `layouts/<name>.txt` and `texts/<language>.toml`.
+
+    Args:
+        folder: The study's folder.
+        shared_texts: The texts that all studies share. A study's own add to them, and take their place where both have
+            one; a language without a file there is all the study's.
 
     Raises:
         StudyError: Something is missing or wrong. The message has a line for each problem, of all files together;
             only a study file that cannot be used is told alone, since it says which other files there are.
     """
-    study = parse_study(_read(folder / "study.toml"), str(folder / "study.toml"))
+    file = folder / "study.toml"
+    declared = _read(file)
+    study = parse_study(declared, str(file))
     problems: list[str] = []
     if study.name != folder.name:
-        problems.append(f"{folder / 'study.toml'}: name: is {study.name!r} in the folder {folder.name!r}; use one name")
+        problems.append(f"{file}: name: is {study.name!r} in the folder {folder.name!r}; use one name")
+    step_phrases: dict[str, Mapping[str, str]] = {}
+    for number, language in enumerate(study.languages):
+        try:
+            step_phrases[language] = load_phrases(language)
+        except ValueError as error:
+            problems.append(located(declared, str(file), ("languages", number), str(error)))
     layouts = _read_all(study.layouts, partial(_read_layout, folder / "layouts"), problems)
-    texts = _read_all(study.languages, partial(_read_texts, folder / "texts", study), problems)
+    texts = _read_all(study.languages, partial(_read_texts, (shared_texts, folder / "texts"), study), problems)
     if problems:
         raise StudyError(problems)
-    return Sources(study, layouts, texts)
+    return Sources(study, layouts, texts, step_phrases)
 
 
 def phrases(texts: Texts) -> dict[str, str]:
@@ -90,17 +112,33 @@ def _read_layout(folder: Path, name: str) -> Layout:
     return layout
 
 
-def _read_texts(folder: Path, study: Study, language: str) -> Texts:
-    file = folder / f"{language}.toml"
-    texts = parse_texts(_read(file), language, str(file))
-    problems = check_texts(texts, _wanted(study, texts), str(file))
+def _read_texts(folders: tuple[Path, Path], study: Study, language: str) -> Texts:
+    """Read a study's own texts, in the second folder, over the shared ones.
+
+    A problem is told of the file in which the text stands. What is missing is missing from the study's own.
+    """
+    shared_file, file = (folder / f"{language}.toml" for folder in folders)
+    own = parse_texts(_read(file), language, str(file))
+    shared = (
+        parse_texts(_read(shared_file), language, str(shared_file)) if shared_file.exists() else Texts(language, {})
+    )
+    texts = Texts(language, {**shared.entries, **own.entries})
+    of_study, of_all = dict[str, Wanted](), dict[str, Wanted]()
+    for key, wanted in _wanted(study, texts).items():
+        (of_study if _has(own, key) or not _has(shared, key) else of_all)[key] = wanted
+    problems = [*check_texts(texts, of_study, str(file)), *check_texts(texts, of_all, str(shared_file))]
     if problems:
         raise StudyError(problems)
     try:
         check_phrases(phrases(texts))
     except ValueError as error:
-        raise StudyError([f"{file}: pictures: {error}"]) from None
+        raise StudyError([f"{file if _has(own, 'pictures') else shared_file}: pictures: {error}"]) from None
     return texts
+
+
+def _has(texts: Texts, key: str) -> bool:
+    """Tell whether there is a text of this key, or one below it, such as a plural form."""
+    return any(known == key or known.startswith(f"{key}.") for known in texts.entries)
 
 
 def _wanted(study: Study, texts: Texts) -> dict[str, Wanted]:

@@ -2,12 +2,13 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 from webapp.explainer.explanation import Strip
+from webapp.explainer.pictures.sentences import sentence
 from webapp.explainer.subgoals import importance_threshold
-from webapp.explainer.worlds.key_door import ACTIONS
-from webapp.explainer.worlds.layout import Layout
+from webapp.explainer.worlds.key_door import ACTIONS, key_door_state
 from webapp.stimuli.agents import Agent
 from webapp.stimuli.catalogue import CATALOGUE_FORMAT
 from webapp.stimuli.pictures import Album
@@ -38,22 +39,23 @@ def catalogue_content(sources: Sources, scenes: Mapping[str, Mapping[str, Scene]
         "actions": ACTIONS,
         "pictures": {"digests": list(album.files), "alts": album.alts},
         "trials": {
-            experiment: {layout: _scene(scene, album.numbers[layout]) for layout, scene in by_layout.items()}
+            experiment: {layout: _trial(scene, album.numbers[layout]) for layout, scene in by_layout.items()}
             for experiment, by_layout in scenes.items()
         },
     }
 
 
-def table_content(layout: Layout, agent: Agent, way: Walk, numbers: tuple[int, ...]) -> dict[str, Any]:
+def table_content(sources: Sources, name: str, agent: Agent, way: Walk, numbers: tuple[int, ...]) -> dict[str, Any]:
     """Return the content of `tables/<layout>.json`: the world as the agent knows it, its policy, path and importance.
 
     Args:
-        layout: The map.
+        sources: The study.
+        name: The layout's name.
         agent: Whose world and policy it is.
         way: Its path.
         numbers: The picture of each state `[S]`.
     """
-    world = agent.world
+    world, layout = agent.world, sources.layouts[name]
     return {
         "map": str(layout),
         "states": list(world.states),
@@ -68,14 +70,21 @@ def table_content(layout: Layout, agent: Agent, way: Walk, numbers: tuple[int, .
         "importance": way.importance.values.tolist(),
         "threshold": importance_threshold(way.importance.values),
         "subgoals": way.subgoals,
+        "sentences": {
+            language: [
+                sentence(layout, key_door_state(world, state), action, step, phrases)
+                for step, (state, action) in enumerate(way.path.pairs, start=1)
+            ]
+            for language, phrases in sources.step_phrases.items()
+        },
     }
 
 
-def _scene(scene: Scene, numbers: tuple[int, ...]) -> dict[str, Any]:
-    current = scene.explanations[next(iter(scene.explanations))][0][0].states[0]
+def _trial(scene: Scene, numbers: tuple[int, ...]) -> dict[str, Any]:
     return {
+        "from_step": scene.from_step,
         "situation": {
-            "current": numbers[current],
+            "current": numbers[scene.current],
             "video": None if scene.video is None else _strip(scene.video, numbers),
             "announced": scene.announced,
         },
@@ -83,6 +92,8 @@ def _scene(scene: Scene, numbers: tuple[int, ...]) -> dict[str, Any]:
             kind: [[_strip(strip, numbers) for strip in strips] for strips in variants]
             for kind, variants in scene.explanations.items()
         },
+        "pairs": {str(step): _strip(strip, numbers) for step, strip in scene.pairs.items()},
+        "probes": [asdict(prediction) for prediction in scene.predictions],
     }
 
 

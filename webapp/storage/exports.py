@@ -1,59 +1,41 @@
-"""The data as CSV: RFC 4180, UTF-8, one row per rating or per participant; see `docs/data-dictionary.md`."""
+"""The data as CSV: RFC 4180, UTF-8; see `docs/data-dictionary.md`."""
 
 import csv
 import io
+import os
 from collections.abc import Callable, Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import IO, Literal
+from typing import IO, Literal, get_args
 
-from sqlalchemy import Connection, and_, func, select
+from sqlalchemy import Connection
 
+from webapp.storage import export_columns, export_rows
 from webapp.storage.database import Database
-from webapp.storage.tables import pages, participants, ratings, trials
+from webapp.storage.export_rows import Row
 
-FileName = Literal["ratings.csv", "participants.csv"]
+FileName = Literal["ratings.csv", "participants.csv", "answers.csv", "probes.csv", "drives.csv", "events.csv"]
 
-RATINGS_COLUMNS = (
-    "study",
-    "study_version",
-    "mode",
-    "participant",
-    "experiment",
-    "trial",
-    "layout",
-    "kind",
-    "draw",
-    "item",
-    "rating",
-    "response_time_ms",
-    "submitted_at",
-)
+FILE_NAMES: tuple[FileName, ...] = get_args(FileName)
+"""The files of the data."""
 
-PARTICIPANTS_COLUMNS = (
-    "study",
-    "study_version",
-    "mode",
-    "participant",
-    "consent_version",
-    "consented_at",
-    "last_seen_at",
-    "completed_at",
-    "withdrawn_at",
-    "num_pages_sent",
-    "num_pages",
-    "assignment",
-)
+RecruitsName = Literal["recruits.csv"]
 
-_Row = tuple[object, ...]
+RECRUITS: RecruitsName = "recruits.csv"
+"""Who came from where; never among the other files, because it links answers with people's ids elsewhere."""
+
+_FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
+"""What makes a spreadsheet take a text for a formula, and run it."""
 
 
 class ExportError(RuntimeError):
     """An export that was not made; the message says why."""
 
 
-def write_csv(connection: Connection, name: FileName, file: IO[bytes]) -> int:
+def write_csv(connection: Connection, name: FileName | RecruitsName, file: IO[bytes]) -> int:
     """Write one file of the data as it stands in a transaction.
+
+    A text that a spreadsheet would take for a formula gets an apostrophe in front.
 
     Args:
         connection: A transaction of `Database.read`.
@@ -89,90 +71,60 @@ def export(database: Database, folder: Path) -> dict[FileName, int]:
     Raises:
         ExportError: One of the files is there already, or cannot be written. Nothing is overwritten.
     """
-    for name in _FILES:
+    for name in FILE_NAMES:
         if (folder / name).exists():
             raise ExportError(f"{folder / name} exists already; choose another folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with database.read() as connection:
-            return {name: _write_file(connection, name, folder / name) for name in _FILES}
+            return {name: _write_file(connection, name, folder / name, mode=0o666) for name in FILE_NAMES}
     except OSError as error:
         raise ExportError(f"{error.filename or folder}: {error.strerror}") from error
 
 
-def _write_file(connection: Connection, name: FileName, path: Path) -> int:
-    with path.open("xb") as file:
+def export_recruits(database: Database, path: Path) -> int:
+    """Write who came from where into a file of its own, which only its owner may read.
+
+    Args:
+        database: What to export.
+        path: The file.
+
+    Returns:
+        The number of rows.
+
+    Raises:
+        ExportError: The file is there already, or cannot be written.
+    """
+    if path.exists():
+        raise ExportError(f"{path} exists already; choose another file")
+    try:
+        with database.read() as connection:
+            return _write_file(connection, RECRUITS, path, mode=0o600)
+    except OSError as error:
+        raise ExportError(f"{error.filename or path}: {error.strerror}") from error
+
+
+def _write_file(connection: Connection, name: FileName | RecruitsName, path: Path, mode: int) -> int:
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
         return write_csv(connection, name, file)
 
 
 def _cell(value: object) -> object:
     if isinstance(value, datetime):
         return value.isoformat(timespec="microseconds").replace("+00:00", "Z")
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str) and value.startswith(_FORMULA_STARTS):
+        return f"'{value}"
     return value
 
 
-def _ratings(connection: Connection) -> Iterator[_Row]:
-    on_page = and_(pages.c.participant_id == ratings.c.participant_id, pages.c.number == ratings.c.page_number)
-    on_trial = and_(trials.c.participant_id == pages.c.participant_id, trials.c.number == pages.c.trial_number)
-    query = (
-        select(
-            participants.c.study,
-            participants.c.study_version,
-            participants.c.mode,
-            participants.c.code,
-            trials.c.experiment,
-            trials.c.position,
-            trials.c.layout,
-            trials.c.kind,
-            trials.c.draw,
-            ratings.c.item,
-            ratings.c.rating,
-            ratings.c.response_time_ms,
-            pages.c.submitted_at,
-        )
-        .select_from(ratings)
-        .join(pages, on_page)
-        .join(trials, on_trial)
-        .join(participants, participants.c.id == ratings.c.participant_id)
-        .order_by(ratings.c.participant_id, ratings.c.page_number, ratings.c.item)
-    )
-    for row in connection.execution_options(yield_per=1000).execute(query):
-        yield tuple(row)
-
-
-def _participants(connection: Connection) -> Iterator[_Row]:
-    num_sent = (
-        select(func.count()).select_from(pages).where(pages.c.participant_id == participants.c.id).scalar_subquery()
-    )
-    query = select(
-        participants.c.study,
-        participants.c.study_version,
-        participants.c.mode,
-        participants.c.code,
-        participants.c.consent_version,
-        participants.c.consented_at,
-        participants.c.last_seen_at,
-        participants.c.completed_at,
-        participants.c.withdrawn_at,
-        num_sent,
-        participants.c.num_pages,
-        participants.c.id,
-    ).order_by(participants.c.id)
-    assignments = _assignments(connection)
-    for *values, participant_id in connection.execute(query):
-        yield (*values, " ".join(assignments.get(participant_id, [])))
-
-
-def _assignments(connection: Connection) -> dict[int, list[str]]:
-    """Return each participant's trials, by the row's number, such as `1/experiment1-a/random/7`."""
-    found: dict[int, list[str]] = {}
-    for trial in connection.execute(select(trials).order_by(trials.c.participant_id, trials.c.number)):
-        parts = [trial.experiment, trial.layout, trial.kind, *([] if trial.draw is None else [str(trial.draw)])]
-        found.setdefault(trial.participant_id, []).append("/".join(parts))
-    return found
-
-
-_FILES: dict[FileName, tuple[tuple[str, ...], Callable[[Connection], Iterator[_Row]]]] = {
-    "ratings.csv": (RATINGS_COLUMNS, _ratings),
-    "participants.csv": (PARTICIPANTS_COLUMNS, _participants),
+_FILES: dict[FileName | RecruitsName, tuple[tuple[str, ...], Callable[[Connection], Iterator[Row]]]] = {
+    "ratings.csv": (export_columns.RATINGS_COLUMNS, export_rows.ratings_rows),
+    "participants.csv": (export_columns.PARTICIPANTS_COLUMNS, export_rows.participants_rows),
+    "answers.csv": (export_columns.ANSWERS_COLUMNS, export_rows.answers_rows),
+    "probes.csv": (export_columns.PROBES_COLUMNS, export_rows.probes_rows),
+    "drives.csv": (export_columns.DRIVES_COLUMNS, export_rows.drives_rows),
+    "events.csv": (export_columns.EVENTS_COLUMNS, export_rows.events_rows),
+    "recruits.csv": (export_columns.RECRUITS_COLUMNS, export_rows.recruits_rows),
 }

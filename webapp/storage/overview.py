@@ -1,19 +1,29 @@
-"""The numbers on the dashboard: who is where, how often each kind met each layout, and how explanations were rated."""
+"""The numbers on the dashboard: who is where, how often each kind met each layout, and how explanations did."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Literal
+from typing import Any, Literal
 
-from sqlalchemy import ColumnElement, Connection, and_, func, select
+from sqlalchemy import ColumnElement, Connection, Row, and_, func, select
 
 from webapp.storage.database import Database
+from webapp.storage.outcomes import (
+    DriveSummary,
+    MeanRating,
+    PredictionSummary,
+    drive_summaries,
+    mean_ratings,
+    prediction_summaries,
+)
 from webapp.storage.participants import Mode
-from webapp.storage.tables import pages, participants, ratings, trials
+from webapp.storage.tables import pages, participants, trials
+from webapp.study.experiments import Experiment, Kind
 from webapp.study.protocol import Study
+from webapp.study.session import PageKind, Trial
+from webapp.study.session import pages as all_pages
 
-State = Literal["consented", "in_progress", "completed", "withdrawn"]
+State = Literal["consented", "in_progress", "completed", "withdrawn", "screened_out"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,15 +32,17 @@ class Counts:
 
     Attributes:
         arrived: Gave their consent, whatever happened later.
-        in_progress: Have neither finished nor left.
+        in_progress: Have neither finished nor left nor been screened out.
         completed: Sent the last page.
         withdrawn: Left before the end.
+        screened_out: Failed the quiz, which ended the study for them.
     """
 
     arrived: int
     in_progress: int
     completed: int
     withdrawn: int
+    screened_out: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +54,14 @@ class Cell:
         kind: The kind of explanation.
         layout: The layout's name.
         assigned: How many participants are to see it, or have seen it.
-        rated: How many have rated it.
+        done: How many have sent the last page of its trial, whichever that is: a rating, or a drive.
     """
 
     experiment: str
     kind: str
     layout: str
     assigned: int
-    rated: int
+    done: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,26 +86,16 @@ class Progress:
 
 
 @dataclass(frozen=True, slots=True)
-class MeanRating:
-    """How one kind was rated on one item, over all participants so far.
+class UnvalidatedLanguage:
+    """A language in which the rating items are a translation that nobody has shown to ask the same.
 
     Attributes:
-        experiment: The experiment's id.
-        kind: The kind of explanation.
-        item: The item's id.
-        points: The highest answer of its scale; the lowest is 1.
-        mean: The mean rating.
-        sd: The standard deviation with n - 1; None for a single rating.
-        n: The number of ratings, at least 1.
+        language: The language's code.
+        num_participants: How many participants read it.
     """
 
-    experiment: str
-    kind: str
-    item: str
-    points: int
-    mean: float
-    sd: float | None
-    n: int
+    language: str
+    num_participants: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +109,10 @@ class Overview:
         counts: How many are where.
         cells: In the order of the study file, those without participants included.
         participants: Latest consent first.
+        unvalidated: In the order of the study file, those that nobody reads included.
         ratings: None while they are hidden; else in the order of the study file, those without ratings left out.
+        predictions: The same of the predictions.
+        drives: The same of the drives.
         num_elsewhere: How many participants of other studies, versions and modes the database holds; they are in the
             downloads and not in these numbers.
     """
@@ -118,7 +123,10 @@ class Overview:
     counts: Counts
     cells: tuple[Cell, ...]
     participants: tuple[Progress, ...]
+    unvalidated: tuple[UnvalidatedLanguage, ...]
     ratings: tuple[MeanRating, ...] | None
+    predictions: tuple[PredictionSummary, ...] | None
+    drives: tuple[DriveSummary, ...] | None
     num_elsewhere: int
 
 
@@ -130,7 +138,7 @@ def read_overview(database: Database, study: Study, version: str, mode: Mode, *,
         study: The study as declared, for the order of things.
         version: The study version to count.
         mode: The mode to count.
-        revealed: Whether the ratings may be seen; if not they are not even read.
+        revealed: Whether ratings, predictions and drives may be seen; if not they are not even read.
     """
     counted = and_(
         participants.c.study == study.name, participants.c.study_version == version, participants.c.mode == mode
@@ -145,7 +153,10 @@ def read_overview(database: Database, study: Study, version: str, mode: Mode, *,
             counts=_counts(lines),
             cells=_cells(connection, study, counted),
             participants=lines,
-            ratings=_ratings(connection, study, counted) if revealed else None,
+            unvalidated=_unvalidated(connection, study, counted),
+            ratings=mean_ratings(connection, study, counted) if revealed else None,
+            predictions=prediction_summaries(connection, study, counted) if revealed else None,
+            drives=drive_summaries(connection, study, counted) if revealed else None,
             num_elsewhere=num_all - len(lines),
         )
 
@@ -162,7 +173,7 @@ def _progress(connection: Connection, counted: ColumnElement[bool]) -> tuple[Pro
     return tuple(
         Progress(
             code=row.code,
-            state=_state(row.completed_at, row.withdrawn_at, row.num_stored),
+            state=_state(row),
             progress=row.num_stored,
             num_pages=row.num_pages,
             consented_at=row.consented_at,
@@ -172,12 +183,14 @@ def _progress(connection: Connection, counted: ColumnElement[bool]) -> tuple[Pro
     )
 
 
-def _state(completed_at: datetime | None, withdrawn_at: datetime | None, num_stored: int) -> State:
-    if completed_at is not None:
+def _state(row: Row[Any]) -> State:
+    if row.completed_at is not None:
         return "completed"
-    if withdrawn_at is not None:
+    if row.withdrawn_at is not None:
         return "withdrawn"
-    return "in_progress" if num_stored else "consented"
+    if row.screened_out_at is not None:
+        return "screened_out"
+    return "in_progress" if row.num_stored else "consented"
 
 
 def _counts(lines: Sequence[Progress]) -> Counts:
@@ -187,54 +200,54 @@ def _counts(lines: Sequence[Progress]) -> Counts:
         in_progress=states.count("consented") + states.count("in_progress"),
         completed=states.count("completed"),
         withdrawn=states.count("withdrawn"),
+        screened_out=states.count("screened_out"),
     )
 
 
 def _cells(connection: Connection, study: Study, counted: ColumnElement[bool]) -> tuple[Cell, ...]:
-    rated = and_(
-        pages.c.participant_id == trials.c.participant_id,
-        pages.c.trial_number == trials.c.number,
-        pages.c.kind == "rating",
-    )
     key = (trials.c.experiment, trials.c.kind, trials.c.layout)
-    query = (
-        select(*key, func.count(), func.count(pages.c.number))
+    assigned = (
+        select(*key, func.count())
         .join(participants, participants.c.id == trials.c.participant_id)
-        .outerjoin(pages, rated)
         .where(counted)
         .group_by(*key)
     )
-    found = {(experiment, kind, layout): counts for experiment, kind, layout, *counts in connection.execute(query)}
+    sent = (
+        select(*key, pages.c.kind, func.count())
+        .select_from(pages)
+        .join(trials, and_(trials.c.participant_id == pages.c.participant_id, trials.c.number == pages.c.trial_number))
+        .join(participants, participants.c.id == trials.c.participant_id)
+        .where(counted)
+        .group_by(*key, pages.c.kind)
+    )
+    num_assigned = {tuple(cell): count for *cell, count in connection.execute(assigned)}
+    num_sent = {tuple(page): count for *page, count in connection.execute(sent)}
     return tuple(
-        Cell(experiment.id, kind, layout, *found.get((experiment.id, kind, layout), (0, 0)))
+        Cell(
+            experiment=experiment.id,
+            kind=kind,
+            layout=layout,
+            assigned=num_assigned.get((experiment.id, kind, layout), 0),
+            done=num_sent.get((experiment.id, kind, layout, _last_page(study, experiment, kind)), 0),
+        )
         for experiment in study.experiments
         for kind in experiment.kinds
         for layout in experiment.layouts
     )
 
 
-def _ratings(connection: Connection, study: Study, counted: ColumnElement[bool]) -> tuple[MeanRating, ...]:
-    key = (trials.c.experiment, trials.c.kind, ratings.c.item)
-    total, squares = func.sum(ratings.c.rating), func.sum(ratings.c.rating * ratings.c.rating)
-    query = (
-        select(*key, func.count(), total, squares)
-        .select_from(ratings)
-        .join(pages, and_(pages.c.participant_id == ratings.c.participant_id, pages.c.number == ratings.c.page_number))
-        .join(trials, and_(trials.c.participant_id == pages.c.participant_id, trials.c.number == pages.c.trial_number))
-        .join(participants, participants.c.id == ratings.c.participant_id)
-        .where(counted)
-        .group_by(*key)
-    )
-    found = {(experiment, kind, item): sums for experiment, kind, item, *sums in connection.execute(query)}
+def _last_page(study: Study, experiment: Experiment, kind: Kind) -> PageKind:
+    """Return what stands on the last page of a trial."""
+    draw = 0 if kind == "random" else None
+    trial = Trial(experiment.id, 1, len(experiment.layouts), experiment.layouts[0], kind, draw)
+    return all_pages(study, [trial])[-1].kind
+
+
+def _unvalidated(connection: Connection, study: Study, counted: ColumnElement[bool]) -> tuple[UnvalidatedLanguage, ...]:
+    query = select(participants.c.language, func.count()).where(counted).group_by(participants.c.language)
+    readers = dict(tuple(row) for row in connection.execute(query))
     return tuple(
-        MeanRating(experiment.id, kind, item.id, item.points, *_mean_and_sd(*found[experiment.id, kind, item.id]))
-        for experiment in study.experiments
-        for kind in experiment.kinds
-        for item in experiment.items
-        if (experiment.id, kind, item.id) in found
+        UnvalidatedLanguage(language, readers.get(language, 0))
+        for language in study.languages
+        if study.validation(language) == "unvalidated"
     )
-
-
-def _mean_and_sd(n: int, total: int, squares: int) -> tuple[float, float | None, int]:
-    sd = None if n == 1 else math.sqrt((n * squares - total * total) / (n * (n - 1)))
-    return total / n, sd, n

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from webapp.study.protocol import Item
+from webapp.study.experiments import Item
 
 MAX_RESPONSE_TIME_MS = 86_400_000
 """A day; a longer time is no measurement."""
@@ -66,7 +66,7 @@ def parse_ratings(form: Mapping[str, str], items: Sequence[Item]) -> Ratings | t
         return problems
     return Ratings(
         values={item: value for item, value in values.items() if isinstance(value, int)},
-        response_times={item.id: _response_time(form.get(time_field(item.id), "")) for item in items},
+        response_times={item.id: measured_time(form.get(time_field(item.id), "")) for item in items},
     )
 
 
@@ -79,7 +79,8 @@ def _rating(form: Mapping[str, str], item: Item) -> int | Literal["missing", "in
     return int(text)
 
 
-def _response_time(text: str) -> int | None:
+def measured_time(text: str) -> int | None:
+    """Return a time in milliseconds as a form gives it, or None if it makes no sense."""
     if not re.fullmatch(r"[0-9]{1,10}", text):
         return None
     milliseconds = int(text)

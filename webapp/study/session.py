@@ -1,13 +1,41 @@
 """The way of one participant through a study: the trials, their pages, and what may be sent when."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
-from webapp.study.counterbalancing import arrangements
-from webapp.study.protocol import Kind, Study
+from webapp.study.counterbalancing import arrangements, layout_orders
+from webapp.study.experiments import TAILORED_KINDS, Experiment, Kind
+from webapp.study.protocol import Study
 
-PageKind = Literal["instructions", "situation", "rating"]
+_Choice = TypeVar("_Choice")
+
+PageKind = Literal[
+    "background",
+    "instructions",
+    "practice",
+    "quiz",
+    "situation",
+    "first_drive",
+    "explanation",
+    "probe",
+    "drive",
+    "rating",
+    "satisfaction",
+]
+"""What stands on a page.
+
+On `practice`, `first_drive` (before the explanation) and `drive` the participant steers the agent.
+"""
+
+DRIVEN: Mapping[PageKind, Literal["practice", "before", "after"]] = {
+    "practice": "practice",
+    "first_drive": "before",
+    "drive": "after",
+}
+"""The pages on which the participant steers the agent, and what the data call them."""
+
+_BEFORE_THE_TRIALS: frozenset[PageKind] = frozenset({"background", "instructions", "practice", "quiz"})
 
 Decision = Literal["accept", "already_answered", "too_early"]
 """What becomes of an answer: it is stored; it was given before, and the first one stands; its page was not reached."""
@@ -15,6 +43,19 @@ Decision = Literal["accept", "already_answered", "too_early"]
 
 class NoSuchPageError(LookupError):
     """The study has no page of this number."""
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """What was chosen for one participant in one experiment.
+
+    Attributes:
+        arrangement: An index into `arrangements(experiment)`: which kind goes with which layout.
+        layout_order: An index into `layout_orders(experiment)`.
+    """
+
+    arrangement: int
+    layout_order: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +94,7 @@ class Page:
     Attributes:
         number: From 1.
         kind: What stands on it.
-        trial: The trial it belongs to; None for the instructions.
+        trial: The trial it belongs to; None before the trials.
     """
 
     number: int
@@ -61,38 +102,65 @@ class Page:
     trial: Trial | None
 
     def __post_init__(self) -> None:
-        if (self.trial is None) != (self.kind == "instructions"):
+        if (self.trial is None) != (self.kind in _BEFORE_THE_TRIALS):
             raise ValueError(f"a page of a trial has a trial and no other page has one, and this is {self.kind!r}")
 
 
-def plan_trials(
-    study: Study, arrangement_by_experiment: Mapping[str, int], draw: Callable[[], int]
-) -> tuple[Trial, ...]:
+def plan_trials(study: Study, assignments: Mapping[str, Assignment], draw: Callable[[], int]) -> tuple[Trial, ...]:
     """Plan the trials of one participant.
 
     Args:
         study: The study.
-        arrangement_by_experiment: For each experiment's id, an index into `arrangements(experiment)`.
+        assignments: What was chosen for each experiment, by its id.
         draw: Chooses a draw of the random kind, from 0 to `study.explanation.num_draws - 1`; called once for each
             trial of that kind.
 
     Raises:
-        KeyError: An experiment has no arrangement.
-        ValueError: An arrangement or a draw does not exist.
+        KeyError: An experiment has no assignment.
+        ValueError: An arrangement, an order of the layouts or a draw does not exist.
     """
     return tuple(
         trial
         for experiment in study.experiments
-        for trial in _trials_of(study, experiment.id, arrangement_by_experiment[experiment.id], draw)
+        for trial in _trials_of(study, experiment, assignments[experiment.id], draw)
     )
 
 
-def pages(trials: Sequence[Trial]) -> tuple[Page, ...]:
-    """Return a participant's pages in order: the instructions, then situation and rating of each trial."""
-    kinds: list[tuple[PageKind, Trial | None]] = [("instructions", None)]
+def pages(study: Study, trials: Sequence[Trial]) -> tuple[Page, ...]:
+    """Return a participant's pages in order: what comes before the trials, then the pages of each trial."""
+    before: dict[PageKind, bool] = {
+        "background": study.background is not None,
+        "instructions": True,
+        "practice": study.practice is not None,
+        "quiz": study.quiz is not None,
+    }
+    kinds: list[tuple[PageKind, Trial | None]] = [(kind, None) for kind, is_there in before.items() if is_there]
     for trial in trials:
-        kinds += [("situation", trial), ("rating", trial)]
+        kinds += [(kind, trial) for kind in _kinds_of(study.experiment(trial.experiment), trial.kind)]
     return tuple(Page(number, kind, trial) for number, (kind, trial) in enumerate(kinds, start=1))
+
+
+def _kinds_of(experiment: Experiment, kind: Kind) -> Iterator[PageKind]:
+    """Yield the pages of a trial. Predictions come before the drive, which would teach what is asked."""
+    drive = experiment.drive
+    is_explained = kind != "none"
+    yield "situation"
+    if drive is not None and (drive.baseline or kind in TAILORED_KINDS):
+        yield "first_drive"
+    rates_last = drive is not None and drive.when == "before_ratings"
+    if rates_last and is_explained:
+        yield "explanation"
+    rating: tuple[PageKind, ...] = ("rating",) if experiment.items_for(kind) else ()
+    if experiment.satisfaction and is_explained:
+        rating = (*rating, "satisfaction")
+    if not rates_last:
+        yield from rating
+    if experiment.probe is not None:
+        yield "probe"
+    if drive is not None:
+        yield "drive"
+    if rates_last:
+        yield from rating
 
 
 def decide(number: int, num_stored: int, num_pages: int) -> Decision:
@@ -108,22 +176,26 @@ def decide(number: int, num_stored: int, num_pages: int) -> Decision:
     return "accept" if number == num_stored + 1 else "too_early"
 
 
-def _trials_of(study: Study, experiment_id: str, arrangement: int, draw: Callable[[], int]) -> tuple[Trial, ...]:
-    experiment = study.experiment(experiment_id)
-    choices = arrangements(experiment)
-    if not 0 <= arrangement < len(choices):
-        raise ValueError(f"experiment {experiment_id!r} has {len(choices)} arrangements, from 0, not {arrangement}")
-    return tuple(
-        Trial(
-            experiment=experiment_id,
+def _trials_of(
+    study: Study, experiment: Experiment, assignment: Assignment, draw: Callable[[], int]
+) -> Iterator[Trial]:
+    kinds = _chosen(arrangements(experiment), assignment.arrangement, f"arrangements of experiment {experiment.id!r}")
+    order = _chosen(layout_orders(experiment), assignment.layout_order, f"orders of experiment {experiment.id!r}")
+    for position, place in enumerate(order, start=1):
+        yield Trial(
+            experiment=experiment.id,
             position=position,
             num_trials=len(experiment.layouts),
-            layout=layout,
-            kind=kind,
-            draw=_checked_draw(study, draw) if kind == "random" else None,
+            layout=experiment.layouts[place],
+            kind=kinds[place],
+            draw=_checked_draw(study, draw) if kinds[place] == "random" else None,
         )
-        for position, (layout, kind) in enumerate(zip(experiment.layouts, choices[arrangement], strict=True), start=1)
-    )
+
+
+def _chosen(choices: Sequence[_Choice], number: int, what: str) -> _Choice:
+    if not 0 <= number < len(choices):
+        raise ValueError(f"there are {len(choices)} {what}, from 0, and no {number}")
+    return choices[number]
 
 
 def _checked_draw(study: Study, draw: Callable[[], int]) -> int:

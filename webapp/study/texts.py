@@ -1,7 +1,8 @@
 """Everything that a participant reads, by key, in one language.
 
 A language file is TOML: tables of texts and of lists of texts. A key such as `welcome.title` names a text in a table.
-A text may hold parameters in braces, such as `{number}`, filled in where it is shown.
+A text may hold parameters in braces, such as `{number}`, filled in where it is shown. A text that depends on a number
+is a table of forms, `<key>.one` and `<key>.other` in English; which forms a language needs, the CLDR says.
 """
 
 import re
@@ -10,8 +11,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from webapp.study.plurals import plural_categories, plural_category
 from webapp.study.problems import StudyError, located
-from webapp.study.protocol import Study
 
 _PARAMETER = re.compile(r"\{([a-z_]+)\}")
 
@@ -72,6 +73,14 @@ class Texts:
             raise MissingTextError(f"there is no list of texts {key!r} in language {self.language!r}")
         return texts
 
+    def plural(self, key: str, number: int, /, **parameters: object) -> str:
+        """Return the form of a text that goes with a number, which fills in the parameter `number`.
+
+        Raises:
+            MissingTextError: There is no such form, or it names a parameter that is not given.
+        """
+        return self(f"{key}.{plural_category(self.language, number)}", number=number, **parameters)
+
     def item(self, item_id: str, experiment_id: str) -> ItemTexts:
         """Return the wording of an item in an experiment.
 
@@ -127,7 +136,22 @@ def parse_texts(text: str, language: str, source: str) -> Texts:
     return Texts(language, entries)
 
 
-def check_texts(texts: Texts, required: Mapping[str, "Wanted"], source: str) -> tuple[str, ...]:
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What a page expects of a text.
+
+    Attributes:
+        parameters: The parameters that are filled in; the text may leave some out.
+        is_list: Whether it is a list of texts.
+        is_plural: Whether it is a table of forms, one for each plural category of the language.
+    """
+
+    parameters: frozenset[str] = frozenset()
+    is_list: bool = False
+    is_plural: bool = False
+
+
+def check_texts(texts: Texts, required: Mapping[str, Wanted], source: str) -> tuple[str, ...]:
     """Compare a language's texts with those that are needed.
 
     Args:
@@ -140,7 +164,7 @@ def check_texts(texts: Texts, required: Mapping[str, "Wanted"], source: str) -> 
         parameter that is never filled in. A text that nothing uses does no harm.
     """
     problems = []
-    for key, wanted in required.items():
+    for key, wanted in _single(required, texts.language):
         entry = texts.entries.get(key)
         if entry is None:
             problems.append(f"{source}: {key}: is missing")
@@ -155,36 +179,14 @@ def check_texts(texts: Texts, required: Mapping[str, "Wanted"], source: str) -> 
     return tuple(problems)
 
 
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """What a page expects of a text.
-
-    Attributes:
-        parameters: The parameters that are filled in; the text may leave some out.
-        is_list: Whether it is a list of texts.
-    """
-
-    parameters: frozenset[str] = frozenset()
-    is_list: bool = False
-
-
-def study_texts(study: Study, texts: Texts) -> dict[str, Wanted]:
-    """Return the texts that a study's own declarations need: for its facts, experiments, items and scales.
-
-    An item needs one wording for all experiments, or one for each experiment that asks it.
-    """
-    required = {f"facts.{fact}": Wanted() for fact in study.facts}
-    for experiment in study.experiments:
-        place = frozenset({"position", "num_trials"})
-        required[f"experiments.{experiment.id}.title"] = Wanted(place)
-        required[f"experiments.{experiment.id}.introduction"] = Wanted()
-        required[f"experiments.{experiment.id}.explanation"] = Wanted()
-        for item in experiment.items:
-            own, common = f"items.{item.id}.{experiment.id}", f"items.{item.id}"
-            required[common if common in texts and own not in texts else own] = Wanted()
-            required[f"scales.{item.id}.low"] = Wanted()
-            required[f"scales.{item.id}.high"] = Wanted()
-    return required
+def _single(required: Mapping[str, Wanted], language: str) -> Iterator[tuple[str, Wanted]]:
+    """Yield what is needed with a key for each plural form."""
+    for key, wanted in required.items():
+        if wanted.is_plural:
+            form = Wanted(wanted.parameters | {"number"})
+            yield from ((f"{key}.{category}", form) for category in plural_categories(language))
+        else:
+            yield key, wanted
 
 
 def _leaves(tree: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], object]]:

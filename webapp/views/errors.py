@@ -8,6 +8,7 @@ from flask import Flask, Response, make_response, render_template, request, url_
 from werkzeug.exceptions import HTTPException, SecurityError
 
 from webapp.storage.database import UnavailableError
+from webapp.storage.enrolment import AlreadyTookPartError
 from webapp.study.session import NoSuchPageError
 from webapp.views.security import CrossSiteError
 from webapp.views.services import StudyChangedError
@@ -37,6 +38,7 @@ DOMAIN_ERRORS: dict[type[Exception], ErrorPage] = {
     NoPlaceError: ErrorPage(403, "error_pages.no_place_title", "error_pages.no_place"),
     CrossSiteError: ErrorPage(403, "error_pages.refused_title", "error_pages.refused"),
     StudyChangedError: ErrorPage(410, "error_pages.study_changed_title", "error_pages.study_changed"),
+    AlreadyTookPartError: ErrorPage(409, "took_part.title", "took_part.text"),
     UnavailableError: ErrorPage(503, "error_pages.busy_title", "error_pages.busy"),
 }
 
@@ -87,7 +89,7 @@ def _render(page: ErrorPage) -> str:
     if request.path.startswith("/researcher/"):
         back = {"back_url": url_for("researcher.overview"), "back_label": "Go to the overview"}
     elif page is DOMAIN_ERRORS[NoPlaceError]:
-        back = {"back_url": url_for("participant.welcome"), "back_label": t("error_pages.begin")}
+        back = {"back_url": url_for("arrival.welcome"), "back_label": t("error_pages.begin")}
     else:
         back = {"back_url": url_for("participant.study"), "back_label": t("error_pages.back")}
     shown = {"status": page.status, "title": t(page.title), "message": t(page.message)}

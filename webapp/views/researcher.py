@@ -1,14 +1,14 @@
-"""The dashboard: signing in and out, live numbers, ratings once they are revealed, downloads."""
+"""The dashboard: signing in and out, live numbers, results once they are revealed, downloads."""
 
 import tempfile
 from dataclasses import asdict
 from datetime import datetime
 from typing import IO, cast
 
-from flask import Blueprint, Response, g, jsonify, redirect, render_template, request, send_file, url_for
+from flask import Blueprint, Response, abort, g, jsonify, redirect, render_template, request, send_file, url_for
 from flask.typing import ResponseReturnValue
 
-from webapp.storage.exports import FileName, write_csv
+from webapp.storage.exports import FILE_NAMES, RECRUITS, FileName, RecruitsName, write_csv
 from webapp.storage.overview import Overview, read_overview
 from webapp.storage.researchers import (
     ResearcherSession,
@@ -33,6 +33,7 @@ _POLLED = "researcher.status"
 def load_researcher() -> ResponseReturnValue | None:
     """Let nobody in who is not signed in; a new view of this blueprint is closed from the beginning."""
     here = services()
+    g.language = "en"  # The dashboard is English, whatever participants read; so is the frame around it if it can be.
     token = request.cookies.get(cookie_name(here.config, "researcher"))
     active = request.endpoint != _POLLED
     g.researcher = None if token is None else find_session(here.database, token, here.clock(), active=active)
@@ -81,13 +82,14 @@ def sign_out() -> ResponseReturnValue:
 @bp.get("/")
 def overview() -> ResponseReturnValue:
     """Show the numbers."""
-    return render_template("researcher/overview.html", overview=_overview())
+    revealed = _researcher().revealed_at is not None
+    return render_template("researcher/overview.html", overview=_overview(revealed=revealed))
 
 
 @bp.get("/status.json")
 def status() -> ResponseReturnValue:
-    """Send the live numbers to the open dashboard; ratings are not among them."""
-    numbers = asdict(_overview())
+    """Send the live numbers to the open dashboard; results are not among them."""
+    numbers = asdict(_overview(revealed=False))
     for participant in numbers["participants"]:
         participant |= {name: _iso(participant[name]) for name in ("consented_at", "last_seen")}
     return jsonify({name: numbers[name] for name in ("counts", "cells", "participants", "num_elsewhere")})
@@ -95,7 +97,7 @@ def status() -> ResponseReturnValue:
 
 @bp.post("/reveal")
 def reveal() -> ResponseReturnValue:
-    """Show the ratings for the rest of the session; who asked and when is logged."""
+    """Show ratings, predictions and drives for the rest of the session; who asked and when is logged."""
     here = services()
     current = here.bundles.current
     detail = f"{current.study.name} {current.version} {here.config.mode}"
@@ -103,16 +105,21 @@ def reveal() -> ResponseReturnValue:
     return redirect(url_for(".overview"), code=303)
 
 
-@bp.get("/ratings.csv")
-def ratings_csv() -> ResponseReturnValue:
-    """Download one row per rating."""
-    return _download("ratings.csv")
+@bp.get("/<name>.csv")
+def download(name: str) -> ResponseReturnValue:
+    """Download a file of the data."""
+    file = next((known for known in FILE_NAMES if known == f"{name}.csv"), None)
+    if file is None:
+        abort(404)
+    return _download(file)
 
 
-@bp.get("/participants.csv")
-def participants_csv() -> ResponseReturnValue:
-    """Download one row per participant."""
-    return _download("participants.csv")
+@bp.get("/recruits.csv")
+def download_recruits() -> ResponseReturnValue:
+    """Download who came from where, if the study has participants sent by a recruiter."""
+    if services().bundles.current.study.recruitment is None:
+        abort(404)
+    return _download(RECRUITS)
 
 
 def _researcher() -> ResearcherSession:
@@ -121,14 +128,13 @@ def _researcher() -> ResearcherSession:
     return researcher
 
 
-def _overview() -> Overview:
+def _overview(*, revealed: bool) -> Overview:
     here = services()
     current = here.bundles.current
-    revealed = _researcher().revealed_at is not None
     return read_overview(here.database, current.study, current.version, here.config.mode, revealed=revealed)
 
 
-def _download(name: FileName) -> Response:
+def _download(name: FileName | RecruitsName) -> Response:
     """Send a file of the data.
 
     It is written to a nameless file first and sent from there: a slow connection must not keep the database open,

@@ -40,7 +40,7 @@ def init_security(app: Flask, config: Config) -> None:
         response.headers.update(HEADERS)
         if config.https:
             response.headers["Strict-Transport-Security"] = _STRICT_TRANSPORT
-        if request.endpoint != "static" and not response.cache_control.immutable:
+        if not response.cache_control.immutable:
             response.headers["Cache-Control"] = "no-store"
             response.vary.add("Cookie")
         return response

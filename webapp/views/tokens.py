@@ -18,9 +18,17 @@ def participant_token(secret: bytes, consent_nonce: str) -> str:
     return _hmac(secret, "participant", consent_nonce)
 
 
-def page_nonce(secret: bytes, token_hash: str, number: int) -> str:
-    """Return the nonce of one page for one participant: 128 bits, in hexadecimal."""
-    return _hmac(secret, "page", token_hash, str(number))[:32]
+def recruit_token(secret: bytes, mode: str, study: str, *identity: str) -> str:
+    """Return the 256-bit cookie token of somebody whom a recruiter sent.
+
+    It follows from the recruiter's link, so that the same link leads back to the same place on every device.
+    """
+    return _hmac(secret, "recruit", mode, study, *identity)
+
+
+def page_nonce(secret: bytes, token_hash: str, number: int, attempt: int) -> str:
+    """Return the nonce of one attempt at one page for one participant: 128 bits, in hexadecimal."""
+    return _hmac(secret, "page", token_hash, str(number), str(attempt))[:32]
 
 
 def same(one: str, other: str) -> bool:

@@ -9,7 +9,7 @@ from webapp.stimuli.catalogue import Catalogue
 from webapp.storage.participants import Participant, find_participant, find_trials, hash_token
 from webapp.study.session import Page, decide, pages
 from webapp.views.security import cookie_name
-from webapp.views.services import services
+from webapp.views.services import StudyChangedError, services
 from webapp.views.tokens import page_nonce
 
 
@@ -34,7 +34,7 @@ class Visit:
     @property
     def language(self) -> str:
         """The language of the pages."""
-        return self.catalogue.study.languages[0]
+        return self.participant.language
 
     def page(self, number: int) -> Page:
         """Return a page by its number, from 1.
@@ -45,20 +45,27 @@ class Visit:
         decide(number, self.participant.num_stored, len(self.pages))
         return self.pages[number - 1]
 
-    def nonce(self, page: Page) -> str:
-        """Return the nonce of one of the pages."""
-        return page_nonce(services().secret, self.participant.token_hash, page.number)
+    def nonce(self, page: Page, attempt: int = 1) -> str:
+        """Return the nonce of one of the pages; each attempt at a page has its own."""
+        return page_nonce(services().secret, self.participant.token_hash, page.number, attempt)
 
 
 def find_current_participant() -> Participant | None:
-    """Return the participant that the request's cookie belongs to.
+    """Return the participant that the request's cookie belongs to, whose language the pages then have.
 
     A cookie of another mode or study is none: who tried the study out in a test run begins anew when it is live.
     """
     here = services()
     token = request.cookies.get(cookie_name(here.config, "participant"))
-    if token is None:
-        return None
+    participant = None if token is None else find_by_token(token)
+    if participant is not None:
+        _speak_as_before(participant)
+    return participant
+
+
+def find_by_token(token: str) -> Participant | None:
+    """Return the participant of this study and mode to whom a token belongs."""
+    here = services()
     participant = find_participant(here.database, hash_token(token))
     if participant is None or (participant.mode, participant.study) != (here.config.mode, here.config.study):
         return None
@@ -86,19 +93,27 @@ def load_visit() -> Visit:
     """
     here = services()
     participant = load_participant()
-    g.catalogue = here.bundles.version(participant.study_version)
-    return Visit(participant, g.catalogue, pages(find_trials(here.database, participant)))
-
-
-def is_in_progress(participant: Participant) -> bool:
-    """Tell whether a participant has neither finished nor left."""
-    return participant.completed_at is None and participant.withdrawn_at is None
+    catalogue = here.bundles.version(participant.study_version)
+    return Visit(participant, catalogue, pages(catalogue.study, find_trials(here.database, participant)))
 
 
 def place_of(participant: Participant) -> str:
     """Return the address of the page that a participant is at."""
     if participant.withdrawn_at is not None:
         return url_for("participant.left")
+    if participant.screened_out_at is not None:
+        return url_for("participant.ended")
     if participant.completed_at is not None:
         return url_for("participant.done")
     return url_for("participant.show_page", number=participant.num_stored + 1)
+
+
+def _speak_as_before(participant: Participant) -> None:
+    """Let the texts be those that the participant began with; if these are gone, the current ones."""
+    bundles = services().bundles
+    try:
+        g.catalogue = bundles.version(participant.study_version)
+    except StudyChangedError:
+        g.catalogue = bundles.current
+    if participant.language in g.catalogue.study.languages:
+        g.language = participant.language

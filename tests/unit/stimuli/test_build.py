@@ -1,30 +1,27 @@
 import hashlib
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.unit.stimuli.study_folders import (
-    SHIPPED,
     change,
     copy_study,
     files_of,
     nobody,
     plan_and_build,
     quietly,
+    set_texts,
     small_study,
+    study_of_all_kinds,
 )
 from tests.worlds import LAYOUTS, reachable_states
-from webapp.explainer.mdp import DeterministicMDP, Policy
-from webapp.explainer.solvers import plan
-from webapp.explainer.worlds.key_door import TOGGLE
 from webapp.explainer.worlds.view import View, egocentric_view
-from webapp.stimuli.agents import Agent, Agents, BuildError, ReportProgress, planner_agents
+from webapp.stimuli.agents import planner_agents
 from webapp.stimuli.build import Built, build
 from webapp.stimuli.catalogue import Catalogue, bundle_version, current_bundle
-from webapp.stimuli.sources import Sources
+from webapp.stimuli.report import inputs_digest
 from webapp.study.problems import StudyError
 from webapp.study.session import Trial
 
@@ -99,7 +96,6 @@ def test_a_second_build_trains_nothing_and_reports_the_same(
 @pytest.mark.parametrize(
     ("file", "before", "after"),
     [
-        ("texts/en.toml", 'start = "I am ready"', 'start = "Ready"'),
         ("study.toml", "num_draws = 10", "num_draws = 9"),
         ("study.toml", '"<name and e-mail address of the responsible researcher>"', '"a@example.org"'),
         ("layouts/experiment1-a.txt", "#.>.#..#", "#.<.#..#"),
@@ -115,6 +111,26 @@ def test_whatever_changes_in_the_study_makes_another_version(
     assert second.catalogue.version != first.catalogue.version
 
 
+def test_another_wording_makes_another_version(small: Path, tmp_path: Path) -> None:
+    first = plan_and_build(small, tmp_path / "instance")
+    set_texts(small, {"instructions.start": "Ready"})
+    second = plan_and_build(small, tmp_path / "instance")
+    assert (second.is_new, second.catalogue.version != first.catalogue.version) == (True, True)
+
+
+def test_the_texts_that_all_studies_share_are_among_what_a_bundle_follows_from(small: Path, tmp_path: Path) -> None:
+    def digest() -> str:
+        return inputs_digest(small, "planner_agents", tmp_path / "texts")
+
+    without = digest()
+    (tmp_path / "texts").mkdir()
+    assert digest() == without
+    (tmp_path / "texts" / "en.toml").write_text("[page]\n", encoding="utf-8")
+    with_texts = digest()
+    (tmp_path / "texts" / "en.toml").write_text('[page]\nskip = "Skip"\n', encoding="utf-8")
+    assert len({without, with_texts, digest()}) == 3
+
+
 def test_a_comment_in_the_study_file_makes_no_other_version(small: Path, tmp_path: Path) -> None:
     first = plan_and_build(small, tmp_path / "instance")
     change(small / "study.toml", "seed = 2021", "seed = 2021  # Any will do.")
@@ -123,14 +139,15 @@ def test_a_comment_in_the_study_file_makes_no_other_version(small: Path, tmp_pat
 
 def test_the_last_built_version_is_current_and_earlier_ones_stay(small: Path, tmp_path: Path) -> None:
     study, instance = small, tmp_path / "instance"
-    first = plan_and_build(study, instance).catalogue.version
-    change(study / "texts" / "en.toml", 'start = "I am ready"', 'start = "Ready"')
+    first = plan_and_build(study, instance).catalogue
+    wording = first.texts("en")("instructions.start")
+    set_texts(study, {"instructions.start": "Ready"})
     second = plan_and_build(study, instance).catalogue.version
     assert current_bundle(instance, "sakai2021").name == second
-    assert Catalogue.open(instance / "bundles" / first).texts("en")("instructions.start") == "I am ready"
-    change(study / "texts" / "en.toml", 'start = "Ready"', 'start = "I am ready"')
+    assert Catalogue.open(instance / "bundles" / first.version).texts("en")("instructions.start") == wording
+    change(study / "texts" / "en.toml", '"instructions.start" = "Ready"', f'"instructions.start" = "{wording}"')
     back = plan_and_build(study, instance)
-    assert (back.is_new, current_bundle(instance, "sakai2021").name) == (False, first)
+    assert (back.is_new, current_bundle(instance, "sakai2021").name) == (True, first.version)
 
 
 def test_a_damaged_bundle_is_built_again(small: Path, tmp_path: Path) -> None:
@@ -158,34 +175,12 @@ def test_a_study_that_cannot_be_used_builds_nothing(tmp_path: Path) -> None:
     assert not (tmp_path / "instance").exists()
 
 
-def with_policy(change_policy: Any) -> Any:  # noqa: ANN401
-    """Return a provider of planners whose policy on `experiment2-a` is changed."""
-
-    def provide(sources: Sources, progress: ReportProgress) -> Agents:
-        agents = planner_agents(sources, progress)
-        by_layout = dict(agents.by_layout)
-        agent = by_layout["experiment2-a"]
-        by_layout["experiment2-a"] = Agent(lambda mdp: change_policy(mdp, agent.policy(mdp)), agent.world, {})
-        return Agents("planner", by_layout, {}, {}, agents.save)
-
-    return provide
-
-
-def test_an_agent_that_never_arrives_fails_the_build_and_leaves_nothing(tmp_path: Path) -> None:
-    def stuck(mdp: DeterministicMDP, policy: Policy) -> Policy:
-        policy[mdp.start] = TOGGLE
-        return policy
-
-    with pytest.raises(BuildError, match="layout 'experiment2-a': the policy never reaches the goal"):
-        build(SHIPPED, tmp_path, quietly, with_policy(stuck))
-    assert files_of(tmp_path) == {}
-
-
-def test_a_path_without_a_split_fails_the_build(tmp_path: Path) -> None:
-    study = copy_study(tmp_path)
-    change(study / "study.toml", "min_video_actions = 2", "min_video_actions = 12")
-    with pytest.raises(BuildError, match="layout 'experiment2-a' in experiment '2': no step of this path"):
-        plan_and_build(study, tmp_path / "instance")
+def test_a_study_of_all_kinds_builds_to_the_same_bytes_twice(tmp_path: Path) -> None:
+    first = plan_and_build(study_of_all_kinds(tmp_path), tmp_path / "once")
+    again = plan_and_build(study_of_all_kinds(tmp_path / "again"), tmp_path / "twice")
+    assert again.is_new
+    version = first.catalogue.version
+    assert files_of(tmp_path / "once" / "bundles" / version) == files_of(tmp_path / "twice" / "bundles" / version)
 
 
 def test_random_pairs_after_a_video_are_drawn_from_what_lies_ahead(tmp_path: Path) -> None:
@@ -206,35 +201,6 @@ def test_random_pairs_after_a_video_are_drawn_from_what_lies_ahead(tmp_path: Pat
             assert len(others) == len([step for step in whole["subgoals"] if step >= split])
 
 
-def test_a_world_model_that_errs_on_the_path_is_told_by_the_report(tmp_path: Path) -> None:
-    """The model takes the first turn to the right for a blow against the wall: the path stays, the importance not."""
-
-    def provide(sources: Sources, progress: ReportProgress) -> Agents:
-        agents = planner_agents(sources, progress)
-        by_layout = dict(agents.by_layout)
-        world = by_layout["simulation"].world
-        next_state = world.next_state.copy()
-        off_path = next(
-            (state, action)
-            for state in range(world.num_states)
-            for action in range(world.num_actions)
-            if world.next_state[state, action] not in (state, *reached_by_policy(world, state))
-        )
-        next_state[off_path] = off_path[0]
-        erring = DeterministicMDP(world.states, world.actions, next_state, world.terminal, world.goal, world.start)
-        by_layout["simulation"] = Agent(lambda mdp: plan(world) if mdp is erring else plan(mdp), erring, {})
-        return Agents("erring", by_layout, {}, {}, agents.save)
-
-    built = build(SHIPPED, tmp_path, quietly, provide)
-    differences = {report.layout: report.max_difference for report in built.reports}
-    assert differences.pop("simulation") > 1e-6
-    assert set(differences.values()) == {0.0}
-
-
-def reached_by_policy(world: DeterministicMDP, state: int) -> Iterator[int]:
-    yield int(world.next_state[state, plan(world)[state]])
-
-
 def test_the_manifest_tells_what_the_bundle_was_made_with(folder: Path) -> None:
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     assert manifest["agents"] == "planner"
@@ -252,9 +218,9 @@ def test_the_manifest_tells_what_the_bundle_was_made_with(folder: Path) -> None:
 
 def test_progress_goes_from_nothing_to_all(small: Path, tmp_path: Path) -> None:
     told: list[tuple[str, float]] = []
-    build(small, tmp_path, lambda stage, done: told.append((stage, done)), planner_agents)
-    for stage in ("explaining", "drawing pictures"):
-        shares = [done for name, done in told if name == stage]
+    build(small, tmp_path, lambda name, done: told.append((name, done)), planner_agents)
+    for wanted in ("explaining", "drawing pictures"):
+        shares = [done for name, done in told if name == wanted]
         assert shares == sorted(shares)
         assert shares[-1] == 1.0
         assert all(0 <= share <= 1 for share in shares)

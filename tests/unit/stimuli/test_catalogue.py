@@ -1,6 +1,7 @@
 """The bundle as pages see it; the shipped study with the planner in the learned agents' place."""
 
 import json
+import random
 import shutil
 import subprocess
 import sys
@@ -11,9 +12,11 @@ from pathlib import Path
 import pytest
 
 from tests.worlds import LAYOUTS
+from webapp.explainer.explanation import kind_strips
+from webapp.explainer.solvers import Trajectory
 from webapp.explainer.worlds.key_door import ACTIONS, KeyDoorState
 from webapp.explainer.worlds.view import egocentric_view, key_in_view
-from webapp.stimuli.catalogue import BundleError, Catalogue, Frame, Strip, current_bundle
+from webapp.stimuli.catalogue import BundleError, Catalogue, Frame, Strip, bundle_version, current_bundle
 from webapp.study.protocol import Kind
 from webapp.study.session import Trial
 
@@ -103,6 +106,44 @@ def test_the_second_experiment_shows_the_way_to_the_split_and_the_key_points(bun
     assert plain(bundle.explanation(trial(layout, "first_key_point"), "en")) == [now, key_points[0]]
 
 
+def test_steps_asked_for_are_shown_as_an_explanation_shows_them(bundle: Catalogue) -> None:
+    for layout in ("experiment1-a", "experiment1-b", "experiment1-c"):
+        for language in bundle.study.languages:
+            shown = bundle.strips_of(layout, bundle.world(layout).subgoals, language)
+            assert shown == bundle.explanation(trial(layout, "subgoals"), language)
+    for layout in ("experiment2-a", "experiment2-b"):
+        one = trial(layout, "all_key_points")
+        ahead = GOLDEN[layout]["query"]["key_point_steps"]
+        assert bundle.strips_of(layout, ahead, "en", bundle.from_step(one)) == bundle.explanation(one, "en")
+
+
+@pytest.mark.parametrize("layout", sorted(LAYOUTS))
+def test_any_steps_of_a_layout_can_be_shown_whether_or_not_an_experiment_has_it(bundle: Catalogue, layout: str) -> None:
+    table = json.loads((bundle_folder(bundle) / "tables" / f"{layout}.json").read_text(encoding="utf-8"))
+    path = Trajectory(tuple(table["path"]["states"]), tuple(table["path"]["actions"]))
+    texts, rng = bundle.texts("ja"), random.Random(layout)
+    for _ in range(30):
+        from_step = rng.randint(1, path.num_steps)
+        ahead = range(from_step, path.num_steps + 1)
+        steps = sorted(rng.sample(ahead, rng.randint(0, len(ahead))))
+        wanted = [
+            (
+                [bundle.digests[table["pictures"][state]] for state in strip.states],
+                [texts(f"actions.{ACTIONS[action]}") for action in strip.actions],
+            )
+            for strip in kind_strips("subgoals", path, steps, from_step)
+        ]
+        assert plain(bundle.strips_of(layout, steps, "ja", from_step)) == wanted
+
+
+@pytest.mark.parametrize(("steps", "from_step"), [((0,), 1), ((21,), 1), ((5, 5), 1), ((6, 5), 1), ((4,), 5), ((), 0)])
+def test_steps_that_are_not_on_the_way_or_do_not_ascend_are_not_shown(
+    bundle: Catalogue, steps: tuple[int, ...], from_step: int
+) -> None:
+    with pytest.raises(ValueError, match=r"steps ascend from|there is no step 0"):
+        bundle.strips_of("simulation", steps, "en", from_step)
+
+
 def test_a_subgoal_explanation_has_six_or_seven_pictures(bundle: Catalogue) -> None:
     for layout in bundle.study.experiments[0].layouts:
         strips = bundle.explanation(trial(layout, "subgoals"), "en")
@@ -163,6 +204,8 @@ def test_what_the_study_does_not_have_is_refused(bundle: Catalogue) -> None:
         bundle.explanation(trial("experiment1-a", "random", 10), "en")
     with pytest.raises(KeyError):
         bundle.texts("xx")
+    with pytest.raises(KeyError):
+        bundle.strips_of("elsewhere", (), "en")
 
 
 def test_all_actions_have_words(bundle: Catalogue) -> None:
@@ -219,8 +262,17 @@ def test_reading_a_bundle_loads_nothing_heavy(planned_instance: Path) -> None:
     program = (
         "import sys; from pathlib import Path; from webapp.stimuli.catalogue import Catalogue, current_bundle;"
         "import webapp.study.session, webapp.study.questionnaire;"
-        f"Catalogue.open(current_bundle(Path({str(planned_instance)!r}), 'sakai2021'));"
+        f"catalogue = Catalogue.open(current_bundle(Path({str(planned_instance)!r}), 'sakai2021'));"
+        "catalogue.world('simulation').key_points(1, ['left']);"
         f"print([name for name in {heavy} if name in sys.modules])"
     )
     finished = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
     assert finished.stdout == "[]\n"
+
+
+def test_a_bundle_of_another_format_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "draft").mkdir()
+    (tmp_path / "draft" / "catalogue.json").write_text('{"format": 1}', encoding="utf-8")
+    folder = (tmp_path / "draft").rename(tmp_path / bundle_version(tmp_path / "draft"))
+    with pytest.raises(BundleError, match=r"has format 1, not 2; build it again"):
+        Catalogue.open(folder)

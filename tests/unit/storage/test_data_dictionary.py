@@ -3,12 +3,15 @@ from pathlib import Path
 
 import pytest
 
-from webapp.storage.exports import PARTICIPANTS_COLUMNS, RATINGS_COLUMNS
+from webapp.storage import export_columns
+from webapp.storage.exports import FILE_NAMES, RECRUITS
 from webapp.storage.tables import metadata
+from webapp.study.events import BEHAVIOUR_EVENTS, EVENTS, MAX_EVENTS
 
 DICTIONARY = Path(__file__).parents[3] / "docs" / "data-dictionary.md"
-COLUMNS = {"ratings.csv": RATINGS_COLUMNS, "participants.csv": PARTICIPANTS_COLUMNS} | {
-    f"Table {table.name}": tuple(table.columns.keys()) for table in metadata.sorted_tables
+COLUMNS: dict[str, tuple[str, ...]] = {
+    **{name: getattr(export_columns, f"{name.split('.')[0].upper()}_COLUMNS") for name in (*FILE_NAMES, RECRUITS)},
+    **{f"Table {table.name}": tuple(table.columns.keys()) for table in metadata.sorted_tables},
 }
 
 
@@ -26,10 +29,23 @@ def test_every_section_is_about_something_that_is_there() -> None:
     assert {title for title in of_studies if title.startswith("Table ") or title.endswith(".csv")} == set(COLUMNS)
 
 
+def test_every_event_is_described_and_those_of_looking_under_the_section_that_declares_them() -> None:
+    log, looking = section("events.csv").split("[behaviour_log]")
+    described = [re.findall(r"^- ((?:`\w+`(?:, )?)+):", part, flags=re.MULTILINE) for part in (log, looking)]
+    timing, behaviour = ({name for names in part for name in re.findall(r"\w+", names)} for part in described)
+    assert timing == EVENTS - BEHAVIOUR_EVENTS | {"drive_action"}
+    assert behaviour == BEHAVIOUR_EVENTS
+    assert f"at most {MAX_EVENTS} events" in log
+
+
 def rows_of(title: str) -> list[tuple[str, ...]]:
     """The rows of the table under a heading: first the column's name, then what is said of it."""
-    text = DICTIONARY.read_text(encoding="utf-8")
-    section = re.search(rf"^##+ `?{re.escape(title)}`?$(.*?)(?=^##|\Z)", text, flags=re.MULTILINE | re.DOTALL)
-    assert section is not None, title
-    lines = re.findall(r"^\| `(\w+)` \|(.+)\|$", section[1], flags=re.MULTILINE)
+    lines = re.findall(r"^\| `(\w+)` \|(.+)\|$", section(title), flags=re.MULTILINE)
     return [(name, *rest.split("|")) for name, rest in lines]
+
+
+def section(title: str) -> str:
+    text = DICTIONARY.read_text(encoding="utf-8")
+    found = re.search(rf"^##+ `?{re.escape(title)}`?$(.*?)(?=^##|\Z)", text, flags=re.MULTILINE | re.DOTALL)
+    assert found is not None, title
+    return found[1]

@@ -72,8 +72,8 @@ def test_a_database_of_a_later_version_is_refused(database: Database) -> None:
 def test_a_migration_that_fails_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     broken = tmp_path / "migrations"
     shutil.copytree(database_module._MIGRATIONS, broken)
-    step = 'revision = "0002"\ndown_revision = "0001"\n\ndef upgrade():\n    raise RuntimeError("power cut")\n'
-    (broken / "versions" / "0002_broken.py").write_text(step)
+    step = 'revision = "9999"\ndown_revision = "0002"\n\ndef upgrade():\n    raise RuntimeError("power cut")\n'
+    (broken / "versions" / "9999_broken.py").write_text(step)
     monkeypatch.setattr(database_module, "_MIGRATIONS", broken)
     with closing(Database(tmp_path / "xar.sqlite3")) as database:
         with pytest.raises(RuntimeError, match="power cut"):

@@ -1,13 +1,15 @@
+import json
 from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
 
+from webapp.study.declared import is_placeholder
 from webapp.study.problems import StudyError
-from webapp.study.protocol import Study, is_placeholder, parse_study
+from webapp.study.protocol import Study, parse_study
 
-FILE = Path(__file__).parents[3] / "webapp" / "studies" / "sakai2021" / "study.toml"
-TEXT = FILE.read_text(encoding="utf-8")
+STUDIES = Path(__file__).parents[3] / "webapp" / "studies"
+TEXT = (STUDIES / "sakai2021" / "study.toml").read_text(encoding="utf-8")
 
 
 def problems_after(*changes: tuple[str, str]) -> tuple[str, ...]:
@@ -110,9 +112,9 @@ def test_an_unknown_experiment_is_named(study: Study) -> None:
         ('"return_probability"', '"luck"', "importance", "is 'luck'; use 'return_probability' or 'ace'"),
         ('["full",', '["ful",', "kinds", "experiments[1].kinds[1]: is 'ful'; use 'full', 'subgoals', 'random'"),
         ("points = 5", "points = 1", "points", "experiments[1].items[1].points: is 1; it should be greater"),
-        ('["en"]', "[]", "languages", "languages: is empty; list at least one"),
+        ('["en", "ja"]', "[]", "languages", "languages: is empty; list at least one"),
         ('"<date, such as 2030-12-31>"', '"soon"', "retention", "retention_until: is 'soon'; use a date such as"),
-        ('"random"]', '"random", "full"]', "kinds", "experiments[1].kinds: has 4 kinds for 3 layouts"),
+        ('"random"]', '"random", "full"]', "kinds", "experiments[1].kinds[4]: is 'full', which stands there 2 times"),
         ('"full", ', '"random", ', "kinds", "experiments[1].kinds[3]: is 'random', which stands there 2 times"),
         ('"full", ', '"first_key_point", ', "kinds", "is 'first_key_point', which answers a question; declare"),
         ('"experiment1-c"]', '"experiment1-d"]', 'layouts = ["', "is 'experiment1-d', not one of the study's layouts"),
@@ -138,11 +140,11 @@ def test_all_problems_are_told_at_once() -> None:
     problems = problems_after(
         ("seed = 2021", "sead = 2021"),
         ("num_draws = 10", "num_draws = -3"),
-        ('"random"]', '"random", "full"]'),
+        ('"random"]', '"random", "none"]'),
         ('"experiment2-b"]', '"nowhere"]'),
         ("questioner =", "asker ="),
     )
-    for part in ("sead", "seed: is missing", "num_draws", "4 kinds for 3 layouts", "questioner: is missing", "asker"):
+    for part in ("sead", "seed: is missing", "num_draws", "is 'none', of which", "questioner: is missing", "asker"):
         assert any(part in problem for problem in problems), (part, problems)
 
 
@@ -167,3 +169,74 @@ def test_a_file_that_is_no_study_at_all_is_refused_without_a_crash(text: str) ->
     with pytest.raises(StudyError) as error:
         parse_study(text)
     assert "study.toml: name: is missing" in error.value.problems
+
+
+def test_the_paper_has_nothing_around_its_trials_but_a_consent_and_the_open_page(study: Study) -> None:
+    assert (study.background, study.practice, study.quiz, study.recruitment, study.behaviour_log) == (None,) * 5
+    assert (study.attention_checks, study.debriefing.discloses) == ((), ())
+    assert study.ask is not None
+    assert (study.consent.minimum_age, study.consent.guardian_below) == (16, None)
+    for experiment in study.experiments:
+        assert (experiment.drive, experiment.probe, experiment.satisfaction) == (None, None, False)
+        assert experiment.layout_order == "fixed"
+
+
+@pytest.fixture(scope="module")
+def full_study() -> Study:
+    """The shipped study in which everything is switched on."""
+    return parse_study((STUDIES / "understanding" / "study.toml").read_text(encoding="utf-8"))
+
+
+def test_everything_can_be_declared_around_the_trials(full_study: Study) -> None:
+    assert full_study.background is not None
+    assert [question.type for question in full_study.background.questions] == ["number", "choice", "choice", "choice"]
+    assert full_study.quiz is not None
+    assert (full_study.quiz.attempts, full_study.quiz.on_failure) == (2, "continue")
+    assert full_study.practice is not None
+    assert full_study.practice.layout not in full_study.experiments[0].layouts
+    (experiment,) = full_study.experiments
+    assert len(experiment.kinds) == 2 * len(experiment.layouts)
+    assert experiment.drive is not None
+    assert (experiment.drive.when, experiment.drive.steps_per_optimal_step) == ("after_ratings", 3.0)
+    assert experiment.probe is not None
+    assert full_study.debriefing.discloses == ("placebic",)
+
+
+def test_each_section_can_be_left_out(full_study: Study) -> None:
+    tree = full_study.model_dump(mode="json", exclude_none=True)
+    for section in (
+        *("consent", "background", "practice", "quiz", "attention_checks", "recruitment", "behaviour_log", "ask"),
+        *("translations", "explanation", "learning"),
+    ):
+        rest = {name: value for name, value in tree.items() if name != section}
+        assert isinstance(Study.model_validate_json(json.dumps(rest)), Study)
+
+
+def test_a_full_study_survives_being_written_as_json(full_study: Study) -> None:
+    assert Study.model_validate_json(full_study.model_dump_json()) == full_study
+
+
+def test_attention_checks_belong_to_one_trial_each(full_study: Study) -> None:
+    found = {(number, check.id) for number in (1, 2, 3) for check in full_study.checks_of("1", number)}
+    assert found == {(1, "check-a"), (3, "check-b")}
+    assert full_study.checks_of("2", 1) == ()
+
+
+def test_a_translation_is_unvalidated_until_its_back_translation_is_cited() -> None:
+    text = (STUDIES / "understanding" / "study.toml").read_text(encoding="utf-8")
+    study = parse_study(text)
+    assert [study.validation(language) for language in ("en", "ja")] == ["original", "unvalidated"]
+    cited = parse_study(f'{text}\n[translations.ja]\nback_translation = "https://example.org/back"\n')
+    assert [cited.validation(language) for language in ("en", "ja")] == ["original", "back_translated"]
+
+
+def test_items_of_no_explanation_are_those_that_say_so(full_study: Study) -> None:
+    (experiment,) = full_study.experiments
+    assert [item.id for item in experiment.items_for("none")] == ["likeliness"]
+    assert [item.id for item in experiment.items_for("placebic")] == ["likeliness", "loveliness", "general"]
+
+
+def test_kinds_and_layouts_need_not_be_equal_in_number() -> None:
+    for kinds in ('"full"]', '"full", "subgoals", "random", "highlights", "landmarks", "evenly_spaced"]'):
+        study = parse_study(TEXT.replace('"full", "subgoals", "random"]', kinds, 1))
+        assert len(study.experiments[0].kinds) != len(study.experiments[0].layouts)
