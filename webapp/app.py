@@ -26,8 +26,12 @@ from webapp.views.texts import init_texts
 from webapp.views.tokens import session_key
 
 NUM_THREADS = 8
+MAX_CONNECTIONS = 900
+"""A browser keeps up to six connections open after a page; beyond this many in all, nobody new is let in."""
 MAX_BODY_BYTES = 64 * 1024
 MAX_FORM_PARTS = 100
+# How long an idle connection is kept.
+_IDLE_S = 30
 # Above the app's own limit, so that somebody who sends too much is told so on one of our pages.
 _SERVER_MAX_BODY_BYTES = 1024 * 1024
 
@@ -120,6 +124,10 @@ def _serve(app: Flask, config: Config, announce: Callable[[str], None]) -> None:
             host=config.host,
             port=config.port,
             threads=NUM_THREADS,
+            connection_limit=MAX_CONNECTIONS,
+            channel_timeout=_IDLE_S,
+            cleanup_interval=_IDLE_S // 2,
+            asyncore_use_poll=True,
             ident=None,
             max_request_body_size=_SERVER_MAX_BODY_BYTES,
         )

@@ -51,7 +51,7 @@ export function startDrive(section, clock) {
         location.reload();
         return;
       }
-      if (answer.step !== step + 1) {
+      if (answer.stands || answer.step !== step + 1) {
         waiting.length = 0;
       }
       await show(answer);
@@ -74,7 +74,7 @@ export function startDrive(section, clock) {
     }
     step = answer.step;
     await views.show(answer.picture, answer.alt);
-    tell(section.querySelector("[data-drive-message]"), answer.message, answer.alt);
+    tell(section.querySelector("[data-drive-message]"), answer.message, answer.alt, "explains" in section.dataset);
     section.querySelector("[data-steps-left]").textContent = answer.steps_left;
     views.preload(answer.preload);
   }
@@ -111,10 +111,11 @@ class Views {
   }
 }
 
-/* What happened is for everybody; what the agent sees now is in the picture, and in words for whom the status is read to. */
-function tell(status, message, alt) {
+/* What happened is for everybody; what the agent sees now is in the picture, and in words for whom the status is read to.
+   Where the view is being explained, its words are for everybody too. */
+function tell(status, message, alt, explains) {
   const words = document.createElement("span");
-  words.className = "visually-hidden";
+  words.className = explains ? "drive__view-words" : "visually-hidden";
   words.textContent = ` ${alt}`;
   status.replaceChildren(message, words);
 }

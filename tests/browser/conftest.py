@@ -3,11 +3,12 @@
 import os
 import runpy
 from collections.abc import Generator, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Error, sync_playwright
 
 from tests.browser.site import Site, serve
 from tests.browser.windows import OPENED, TIMEOUT_MS, OpenContext, watch
@@ -65,5 +66,8 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
         folder.mkdir(exist_ok=True)
         pages = [page for context in module.stash.get(OPENED, []) for page in context.pages]
         for number, page in enumerate(pages):
-            page.screenshot(path=folder / f"{module.name.removesuffix('.py')}-{item.name}-{number}.png", full_page=True)
+            name = f"{module.name.removesuffix('.py')}-{item.name}-{number}.png"
+            # A page that hangs is a reason for the failure, not for another one.
+            with suppress(Error):
+                page.screenshot(path=folder / name, full_page=True, timeout=5_000)
     return report

@@ -274,15 +274,15 @@ class TestPlacebicArm:
         visitor = visit(**self.STUDY)
         visitor.agree()
         visitor.walk(1, 2)
-        assert "explained nothing on purpose" not in visitor.get("/study/3").text
+        assert "explain nothing on purpose" not in visitor.get("/study/3").text
         visitor.post("/study/3", RATED | {"nonce": visitor.nonce(3)})
-        assert "explained nothing on purpose" in visitor.get("/done").text
+        assert "explain nothing on purpose" in visitor.get("/done").text
 
     def test_it_is_disclosed_to_those_who_leave_too(self, visit: Visit) -> None:
         visitor = visit(**self.STUDY)
         visitor.agree()
         visitor.post("/leave")
-        assert "explained nothing on purpose" in visitor.get("/left").text
+        assert "explain nothing on purpose" in visitor.get("/left").text
 
 
 def test_predictions_are_scored_from_the_policy(visit: Visit, instance: Path) -> None:

@@ -45,7 +45,7 @@ def test_a_file_arrives_whole_and_is_kept_for_good(app: Flask, name: str, accept
 def test_every_file_has_a_type_that_browsers_accept(app: Flask, name: str) -> None:
     expected = {".css": "text/css", ".js": r"(text|application)/javascript", ".svg": r"image/svg\+xml"}
     answer = app.test_client().get(address(app, name))
-    assert re.fullmatch(expected.get(Path(name).suffix, ".+"), answer.mimetype)
+    assert re.fullmatch(expected.get(Path(name).suffix, ".+"), str(answer.mimetype))
 
 
 @pytest.mark.parametrize("name", ["../webapp/app.py", "js", "js/none.js", ""])

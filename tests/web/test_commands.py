@@ -5,8 +5,10 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -279,3 +281,13 @@ def test_answers_survive_a_server_that_is_killed(instance: Path) -> None:
     assert ask(instance, "PRAGMA integrity_check") == [("ok",)]
     with serving(instance) as server:
         assert get(server.port, "/healthz")[0] == 200
+
+
+def test_browsers_that_keep_their_connections_open_keep_nobody_out(instance: Path) -> None:
+    with serving(instance) as server, ExitStack() as opened:
+        for _ in range(150):
+            opened.enter_context(socket.create_connection(("127.0.0.1", server.port), timeout=10))
+        newcomer = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
+        newcomer.request("GET", "/")
+        assert newcomer.getresponse().status == 200
+        newcomer.close()

@@ -150,8 +150,17 @@ class TestSentAgain:
         driver.drive("pickup", "left")
         state = driver.act("right", step=1, script=True).json
         assert state is not None
-        assert state["step"] == 3
+        assert (state["step"], state["stands"]) == (3, True)
+        assert "your first answer stands" in state["message"]
         assert num_rows(instance, "drive_steps") == 2
+
+    def test_an_answer_that_got_lost_is_given_again_without_a_word(self, app: Callable[..., Flask]) -> None:
+        visitor = arrive(app())
+        driver = Driver(visitor, 4)
+        first = driver.act("pickup", step=1, script=True).json
+        assert driver.act("pickup", step=1, script=True).json == first
+        assert first is not None
+        assert first["stands"] is False
 
     def test_a_step_that_comes_too_early_is_not_taken(self, app: Callable[..., Flask], instance: Path) -> None:
         visitor = arrive(app())
@@ -219,7 +228,8 @@ def test_a_drive_can_neither_be_skipped_nor_started_early(app: Callable[..., Fla
     assert visitor.post("/study/4/action", {"action": "left", "step": "1"}).headers["Location"] == "/study/2"
     assert visitor.post("/study/2/action", {"action": "left", "step": "1"}).status_code == 404
     visitor = arrive(app())
-    assert visitor.post("/study/4", {"nonce": visitor.nonce(4)}).headers["Location"] == "/study/4"
+    for forged in ({}, {"action": "forward", "step": "1"}, {"action": "give_up"}):
+        assert visitor.post("/study/4", forged | {"nonce": visitor.nonce(4)}).headers["Location"] == "/study/4"
     assert num_rows(instance, "drives") == 0
 
 

@@ -255,3 +255,72 @@ class TestLanguages:
         visitor.agree()
         assert ask(instance, "SELECT language, translation FROM participants") == [("ja", "back_translated")]
         assert num_rows(instance, "recruits") == 1
+
+
+class TestOneBrowserForSeveralPeople:
+    OTHER = LINK.replace(PERSON, "6" * 24).replace("b" * 24, "d" * 24)
+
+    def test_the_next_persons_link_does_not_lead_into_the_last_persons_study(
+        self, app: Callable[..., Flask], instance: Path
+    ) -> None:
+        visitor = Visitor(app(live=True))
+        visitor.get(LINK)
+        visitor.agree()
+        assert visitor.get(self.OTHER).headers["Location"] == "/"
+        assert visitor.get("/").status_code == 200
+        visitor.agree()
+        visitor.post("/study/1", {"nonce": visitor.nonce(1)})
+        assert ask(instance, "SELECT external_id FROM recruits") == [(PERSON,), ("6" * 24,)]
+        assert ask(instance, "SELECT participant_id FROM pages") == [(2,)]
+        assert visitor.get(LINK).headers["Location"] == "/study/1"
+
+    def test_who_has_finished_finds_the_code_again_and_no_second_consent(
+        self, app: Callable[..., Flask], instance: Path
+    ) -> None:
+        visitor = Visitor(app(live=True))
+        visitor.get(LINK)
+        nonce = re.search(r'name="nonce" value="(\w+)"', visitor.get("/").text)
+        assert nonce is not None
+        visitor.agree()
+        complete(visitor)
+        assert visitor.get("/").headers["Location"] == "/done"
+        assert visitor.get("/declined").headers["Location"] == "/done"
+        assert visitor.post("/consent", {"agree": "yes", "nonce": nonce[1]}).headers["Location"] == "/done"
+        assert num_rows(instance, "participants") == 1
+
+    def test_a_study_without_recruiter_is_open_to_the_next_person(
+        self, app: Callable[..., Flask], instance: Path
+    ) -> None:
+        visitor = Visitor(app(recruitment=None, languages=["en", "ja"]))
+        visitor.get("/?lang=ja")
+        visitor.agree()
+        complete(visitor)
+        visitor.get("/?lang=en")
+        assert '<html lang="en">' in visitor.get("/").text
+        visitor.agree()
+        assert ask(instance, "SELECT language FROM participants") == [("ja",), ("en",)]
+
+    def test_who_takes_part_cannot_decline_any_more_but_leave(self, app: Callable[..., Flask]) -> None:
+        visitor = Visitor(app(recruitment=None))
+        visitor.agree()
+        assert visitor.get("/declined").headers["Location"] == "/leave"
+
+    def test_errors_lead_newcomers_to_the_first_page(self, app: Callable[..., Flask]) -> None:
+        visitor = Visitor(app(recruitment=None))
+        assert 'class="button" href="/"' in visitor.get("/no-such-page").text
+        visitor.agree()
+        assert 'class="button" href="/study"' in visitor.get("/no-such-page").text
+
+
+def test_a_personal_link_speaks_the_participants_language(app: Callable[..., Flask]) -> None:
+    flask = app(recruitment=None, languages=["en", "ja"])
+    first, second = Visitor(flask), Visitor(flask)
+    first.get("/?lang=ja")
+    first.agree()
+    link = re.search(r"(/resume/[0-9a-f]{64})", first.get("/another-device").text)
+    assert link is not None
+    assert '<html lang="ja">' in second.get(link[1]).text
+    first.post("/leave")
+    assert "この研究への参加は終わっています" in second.get(link[1]).text
+    assert second.post(link[1]).headers["Location"] == "/left"
+    assert first.get("/another-device").headers["Location"] == "/left"

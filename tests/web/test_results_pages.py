@@ -145,7 +145,7 @@ def test_the_files_hold_what_the_participants_did(driving: Flask) -> None:
     (person,) = rows(visitor, "participants.csv")
     assert (person["language"], person["translation"]) == ("en", "original")
     items = {row["item"] for row in rows(visitor, "ratings.csv")}
-    assert items == {"likeliness", "loveliness", "general", *SATISFACTION_ITEMS}
+    assert items == {"foresee", "likeliness", "loveliness", "general", *SATISFACTION_ITEMS}
 
 
 def test_the_dashboard_is_english_whatever_the_browser_asks_for(driving: Flask) -> None:

@@ -37,7 +37,7 @@ class Enrolment:
         mode: Who takes part.
         token_hash: SHA-256 of the cookie's token, in hexadecimal.
         language: The code of the language in which the consent was read.
-        guardian_agreed: Whether a guardian's consent was declared; None where none was needed.
+        guardian_agreed: Whether a guardian's consent was declared; None where the study asks nobody for one.
         recruit: Whom a recruiter sent; None for everybody else.
     """
 

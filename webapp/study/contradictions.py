@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
+from webapp.study.answers import PREFER_NOT_TO_SAY
 from webapp.study.declared import Declared
 from webapp.study.experiments import KEY_POINT_KINDS, SATISFACTION_ITEMS, TAILORED_KINDS, Experiment
 from webapp.study.learning_settings import LearningSettings
@@ -24,6 +25,7 @@ _Problem = tuple[Sequence[str | int], str]
 _Part = TypeVar("_Part", bound=Declared)
 
 _FEWEST_ATTENTION_CHECKS = 2
+_ENDINGS = ("completed", "screened_out", "no_consent", "withdrawn")
 
 
 def contradictions(tree: Mapping[str, Any]) -> Iterator[_Problem]:
@@ -126,6 +128,8 @@ def _questions(tree: Mapping[str, Any]) -> Iterator[_Problem]:
         yield from _repeated((*where, "choices"), question.choices)
         if (question.type == "choice") != bool(question.choices):
             yield (*where, "choices"), f"belong to the type 'choice' and to no other, and this is {question.type!r}"
+        if PREFER_NOT_TO_SAY in question.choices:
+            yield (*where, "choices"), f"list {PREFER_NOT_TO_SAY!r}, which is always offered; remove it"
         if question.minimum > question.maximum:
             yield (*where, "minimum"), f"is {question.minimum}, above the maximum, {question.maximum}"
     quiz = _valid(Quiz, tree.get("quiz"))
@@ -165,16 +169,30 @@ def _attention_checks(tree: Mapping[str, Any], experiments: Sequence[Experiment]
 
 def _recruitment(tree: Mapping[str, Any]) -> Iterator[_Problem]:
     recruitment = _valid(Recruitment, tree.get("recruitment"))
-    for outcome in ("completed", "screened_out", "no_consent", "withdrawn") if recruitment else ():
+    for outcome in _ENDINGS if recruitment else ():
         path: ReturnPath = getattr(recruitment, outcome)
-        if path.link is None:
-            continue
-        try:
-            path.link.format(code="", id="")
-        except (KeyError, IndexError, ValueError):
-            yield ("recruitment", outcome, "link"), f"is {path.link!r}; it may use {{code}} and {{id}} only"
-        if "{code}" in path.link and path.code is None:
+        if path.link is not None and "{code}" in path.link and path.code is None:
             yield ("recruitment", outcome, "code"), "is missing, and the link uses it"
+        is_paid = recruitment is not None and recruitment.service == "prolific"
+        if is_paid and path.code is None and path.link is None and outcome not in _unused(tree):
+            yield ("recruitment", outcome), "is missing; give it a code or a link, or these people cannot be told apart"
+    yield from _equal_codes(recruitment)
+
+
+def _unused(tree: Mapping[str, Any]) -> frozenset[str]:
+    """Return the endings that nobody meets: without a quiz that ends the study nobody is screened out."""
+    quiz = _valid(Quiz, tree.get("quiz"))
+    return frozenset() if quiz and quiz.on_failure == "screen_out" else frozenset({"screened_out"})
+
+
+def _equal_codes(recruitment: Recruitment | None) -> Iterator[_Problem]:
+    seen: dict[str, str] = {}
+    for outcome in _ENDINGS if recruitment else ():
+        code = getattr(recruitment, outcome).code
+        if code in seen:
+            yield ("recruitment", outcome, "code"), f"is {code!r}, the code of {seen[code]} too; use another"
+        elif code is not None:
+            seen[code] = outcome
 
 
 def _arms(tree: Mapping[str, Any], experiments: Sequence[Experiment]) -> Iterator[_Problem]:

@@ -38,9 +38,9 @@ page.retrying page.sending page.skip page.test_banner
 pictures_in_words.summary
 player.back player.fast player.forward player.label player.normal player.pause player.play player.replay player.slow
 player.speed player.start
-probe.confidence probe.lead probe.question probe.send probe.sure probe.title probe.unsure
+probe.confidence probe.lead_elsewhere probe.lead_path probe.question probe.send probe.sure probe.title probe.unsure
 quiz.again quiz.lead quiz.right quiz.send quiz.title
-resume.confirm resume.text resume.title
+resume.confirm resume.over resume.text resume.title
 satisfaction.lead satisfaction.title
 situation.announced_lead situation.announced_title situation.continue situation.title_current situation.title_video
 study.title
@@ -78,7 +78,9 @@ _WITH_PARAMETERS = {
     "loading.progress": {"number", "total"},
     "page.step": {"number", "total"},
     "player.position": {"number", "total"},
+    "probe.confidence_numbered": {"number"},
     "probe.number": {"number", "total"},
+    "probe.question_numbered": {"number"},
     "welcome.adult": {"guardian_below"},
     "welcome.age": {"minimum_age"},
     "welcome.age_guardian": {"guardian_below", "minimum_age"},

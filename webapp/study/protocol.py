@@ -7,6 +7,7 @@ import tomllib
 from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
+from pydantic_core import ErrorDetails
 
 from webapp.study.contradictions import contradictions
 from webapp.study.declared import Day, Declared, Filled, Name, Seed, declared_list, is_placeholder
@@ -133,9 +134,20 @@ def parse_study(text: str, source: str = "study.toml") -> Study:
     try:
         study = Study.model_validate(tree)
     except ValidationError as error:
-        raise StudyError(
-            [*(describe_problem(Study, problem, text, source) for problem in error.errors()), *problems]
-        ) from None
+        told = [describe_problem(Study, problem, text, source) for problem in _first_causes(error)]
+        raise StudyError([*told, *problems]) from None
     if problems:
         raise StudyError(problems)
     return study
+
+
+def _first_causes(error: ValidationError) -> list[ErrorDetails]:
+    """Return pydantic's problems without those that follow: a list is not empty because its entries are wrong."""
+    problems = error.errors()
+    places = [problem["loc"] for problem in problems]
+    return [
+        problem
+        for problem in problems
+        if problem["type"] != "too_short"
+        or not any(place != problem["loc"] and place[: len(problem["loc"])] == problem["loc"] for place in places)
+    ]

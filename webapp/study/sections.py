@@ -1,8 +1,9 @@
 """The sections of a study file that stand around the experiments. Each can be left out."""
 
+import re
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from webapp.study.declared import Declared, Filled, Name, declared_list
 
@@ -11,6 +12,20 @@ MAX_TEXT_LENGTH = 500
 
 ATTENTION_POINTS = 5
 """An attention check looks like a rating with this many answers."""
+
+
+def _code(value: str) -> str:
+    if not re.fullmatch(r"[A-Za-z0-9_-]{3,64}", value):
+        raise ValueError("use 3 to 64 letters, digits, - and _")
+    return value
+
+
+def _link(value: str) -> str:
+    if not re.fullmatch(r"https://\S{1,490}", value):
+        raise ValueError("use an address that begins with https://, without blanks")
+    if set(re.findall(r"\{[^}]*\}?|\}", value)) - {"{code}", "{id}"}:
+        raise ValueError("it may use {code} and {id} only")
+    return value
 
 
 class Consent(Declared):
@@ -121,8 +136,8 @@ class ReturnPath(Declared):
         link: An https address to return to, None for none; `{code}` and `{id}` in it are filled in.
     """
 
-    code: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{3,64}$")] | None = None
-    link: Annotated[str, Field(pattern=r"^https://\S+$", max_length=500)] | None = None
+    code: Annotated[str, AfterValidator(_code)] | None = None
+    link: Annotated[str, AfterValidator(_link)] | None = None
 
 
 class Recruitment(Declared):

@@ -10,11 +10,18 @@ from webapp.storage.participants import Participant, hash_token
 from webapp.study.recruitment import PARAMETERS, Recruit, RecruitmentError, parse_recruit, way_back
 from webapp.views.answering import go_to, notice
 from webapp.views.forms import FormError, consent_nonce
-from webapp.views.security import cookie_name, set_cookie
+from webapp.views.security import cookie_name, delete_cookie, set_cookie
 from webapp.views.services import services
 from webapp.views.texts import choose_language, language, texts
 from webapp.views.tokens import participant_token, recruit_token
-from webapp.views.visit import NoPlaceError, find_by_token, find_current_participant, load_participant, place_of
+from webapp.views.visit import (
+    NoPlaceError,
+    find_by_token,
+    find_current_participant,
+    load_participant,
+    place_of,
+    speak_as_before,
+)
 
 bp = Blueprint("arrival", __name__)
 
@@ -41,25 +48,18 @@ def welcome() -> str | Response | tuple[str, int]:
     """
     if request.args:
         return _read_link()
-    participant = find_current_participant()
-    if participant is not None and participant.is_in_progress:
-        return go_to(place_of(participant))
-    missing = _missing_parameter()
-    return _render_welcome(errors=[]) if missing is None else _refuse_link(missing)
+    return _place_or_refusal() or _render_welcome(errors=[])
 
 
 @bp.post("/consent")
 def consent() -> Response | tuple[str, int]:
     """Store the consent, with everything that is drawn for the participant, and begin."""
-    missing = _missing_parameter()
-    if missing is not None and find_current_participant() is None:
-        return _refuse_link(missing)
+    elsewhere = _place_or_refusal()
+    if elsewhere is not None:
+        return elsewhere
     errors = _consent_errors(request.form)
     if errors:
         return _render_welcome(errors), 422
-    participant = find_current_participant()
-    if participant is not None and participant.is_in_progress:
-        return go_to(place_of(participant))
     here, recruit = services(), _recruit()
     current = here.bundles.current
     token = _token(recruit) if recruit else participant_token(here.secret, _nonce_of(request.form))
@@ -76,17 +76,24 @@ def consent() -> Response | tuple[str, int]:
 
 
 @bp.get("/declined")
-def declined() -> str:
-    """Thank somebody who does not take part; nothing was stored."""
+def declined() -> str | Response:
+    """Thank somebody who does not take part, and of whom nothing was stored; who takes part is asked about leaving."""
+    participant = find_current_participant()
+    if participant is not None and participant.is_in_progress:
+        return go_to(url_for("participant.leave"))
+    if participant is not None and _is_theirs(participant):
+        return go_to(place_of(participant))
     recruitment = services().bundles.current.study.recruitment
     back = None if recruitment is None else way_back(recruitment, "no_consent", _recruit())
     return render_template("participant/declined.html", back=back)
 
 
 @bp.get("/another-device")
-def another_device() -> str:
+def another_device() -> str | Response:
     """Show the personal link, which leads to the same place on any device."""
     participant = load_participant()
+    if not participant.is_in_progress:
+        return go_to(place_of(participant))
     token = request.cookies[cookie_name(services().config, "participant")]
     link = url_for(".resume", token=token, _external=True)
     return render_template("participant/another_device.html", link=link, place=place_of(participant))
@@ -95,8 +102,8 @@ def another_device() -> str:
 @bp.get("/resume/<token>")
 def resume(token: str) -> str:
     """Ask whether to go on here; that the link was opened, perhaps by a program, changes nothing."""
-    _find_for(token)
-    return render_template("participant/resume.html", token=token)
+    participant = _find_for(token)
+    return render_template("participant/resume.html", token=token, is_over=not participant.is_in_progress)
 
 
 @bp.post("/resume/<token>")
@@ -122,7 +129,28 @@ def _read_link() -> Response | tuple[str, int]:
     if known is not None:
         return _let_in(known, token)
     session[_RECRUIT] = [recruit.service, recruit.external_id, recruit.external_study, recruit.external_session]
-    return go_to(url_for(".welcome"))
+    response = go_to(url_for(".welcome"))
+    # Whoever used this browser before is somebody else, and has a link of their own.
+    delete_cookie(response, services().config, "participant")
+    return response
+
+
+def _place_or_refusal() -> Response | tuple[str, int] | None:
+    """Say where somebody belongs who need not be asked for consent, or why nobody can be; None for newcomers."""
+    participant = find_current_participant()
+    if participant is not None and (participant.is_in_progress or _is_theirs(participant)):
+        return go_to(place_of(participant))
+    missing = _missing_parameter()
+    return None if missing is None else _refuse_link(missing)
+
+
+def _is_theirs(participant: Participant) -> bool:
+    """Tell whether the study is over for whoever asks, rather than for somebody who used this browser before.
+
+    Where recruiters send people, a newcomer comes by a link.
+    """
+    recruitment = services().bundles.current.study.recruitment
+    return recruitment is not None and not participant.is_in_progress and _recruit() is None
 
 
 def _missing_parameter() -> RecruitmentError | None:
@@ -166,6 +194,7 @@ def _find_for(token: str) -> Participant:
     participant = find_by_token(token)
     if participant is None:
         raise NoPlaceError("no participant belongs to this link")
+    speak_as_before(participant)
     return participant
 
 

@@ -92,6 +92,7 @@ def drive_on(number: int) -> Response:
         return go_to(place_of(visit.participant))
     driving = _driving(visit, page)
     outcome, ended = _store(visit, page, driving, request.form)
+    is_news = outcome != "accept" and not _is_its_own_echo(driving, request.form)
     if outcome != "accept" and not wants_json():
         flash("already_answered" if outcome == "already_answered" else "too_early")
     if ended is not None and outcome == "accept":
@@ -99,7 +100,9 @@ def drive_on(number: int) -> Response:
     now = load_visit()
     place = place_of(now.participant)
     if wants_json() and place == url_for("participant.show_page", number=number):
-        return jsonify(_shown(now, _driving(now, page)))
+        shown = _shown(now, _driving(now, page))
+        said = {"message": texts()("notices.already_answered")} if is_news else {}
+        return jsonify(shown | said | {"stands": is_news})
     return go_to(place)
 
 
@@ -192,6 +195,12 @@ def _store(visit: Visit, page: Page, driving: Driving, form: Mapping[str, str]) 
     content = PageContent(drive=after.result(after.end), events=events)
     outcome = store_last_step(here.database, visit.participant, page, form["nonce"], step, content, here.clock())
     return outcome, after.end
+
+
+def _is_its_own_echo(driving: Driving, form: Mapping[str, str]) -> bool:
+    """Tell whether an action is the latest one once more, as after its answer got lost; then there is no news."""
+    actions = driving.actions
+    return bool(actions) and form.get("step") == str(len(actions)) and form.get("action") == actions[-1]
 
 
 def _shown(visit: Visit, driving: Driving) -> dict[str, Any]:

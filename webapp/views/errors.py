@@ -10,9 +10,9 @@ from werkzeug.exceptions import HTTPException, SecurityError
 from webapp.storage.database import UnavailableError
 from webapp.storage.enrolment import AlreadyTookPartError
 from webapp.study.session import NoSuchPageError
-from webapp.views.security import CrossSiteError
-from webapp.views.services import StudyChangedError
-from webapp.views.texts import texts
+from webapp.views.security import CrossSiteError, cookie_name
+from webapp.views.services import StudyChangedError, services
+from webapp.views.texts import catalogue, texts
 from webapp.views.visit import NoPlaceError
 
 _LOGGER = logging.getLogger(__name__)
@@ -88,9 +88,10 @@ def _render(page: ErrorPage) -> str:
     t = texts()
     if request.path.startswith("/researcher/"):
         back = {"back_url": url_for("researcher.overview"), "back_label": "Go to the overview"}
-    elif page is DOMAIN_ERRORS[NoPlaceError]:
+    elif page is DOMAIN_ERRORS[NoPlaceError] or cookie_name(services().config, "participant") not in request.cookies:
         back = {"back_url": url_for("arrival.welcome"), "back_label": t("error_pages.begin")}
     else:
         back = {"back_url": url_for("participant.study"), "back_label": t("error_pages.back")}
-    shown = {"status": page.status, "title": t(page.title), "message": t(page.message)}
+    contact = t("done.contact", contact=catalogue().study.contact) if page.status == HTTPStatus.CONFLICT else None
+    shown = {"status": page.status, "title": t(page.title), "message": t(page.message), "contact": contact}
     return render_template("errors/error.html", **shown, **back)

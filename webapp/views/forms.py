@@ -10,7 +10,7 @@ from webapp.study.experiments import Item
 from webapp.study.question_forms import FieldProblem, answer_field, refusal_field
 from webapp.study.questionnaire import RatingProblem, rating_field
 from webapp.study.sections import BackgroundQuestion, QuizQuestion
-from webapp.study.session import DRIVEN, Page, decide
+from webapp.study.session import Page, decide
 from webapp.study.texts import ItemTexts, Texts
 from webapp.views.tokens import same
 from webapp.views.visit import Visit
@@ -124,9 +124,7 @@ def refusal_of(form: Mapping[str, str], visit: Visit, page: Page, attempt: int) 
         return "already_answered"
     if not same(nonce, visit.nonce(page, attempt)):
         return "stale"
-    if decision == "accept":
-        return "stale" if page.kind in DRIVEN and "action" not in form else None
-    return "already_answered"
+    return None if decision == "accept" else "already_answered"
 
 
 def rating_field_of(

@@ -197,20 +197,25 @@ def _probe_context(visit: Visit, page: Page, form: Mapping[str, str], problems: 
     t, trial = texts(), _trial(page)
     world = visit.catalogue.world(trial.layout)
     reasons = rating_reasons(problems.ratings)
-    wording = ItemTexts(t("probe.confidence"), t("probe.unsure"), t("probe.sure"))
+    probe = visit.catalogue.study.experiment(trial.experiment).probe
+    assert probe is not None  # noqa: S101 - for the type checker: without the section there is no such page
     asked: list[dict[str, Any]] = []
     questions: list[QuestionField] = []
     ratings: list[RatingField] = []
     for number, question in enumerate(_asked(visit, page), start=1):
         name, item = prediction_field(number), confidence_item(number)
-        choices = [(action, visit.catalogue.action_name(action, visit.language)) for action in world.actions]
-        legend = t("probe.question")
+        names = {action: visit.catalogue.action_name(action, visit.language) for action in world.actions}
+        choices = [(action, _capitalised(name)) for action, name in names.items()]
+        is_only = probe.num_questions == 1
+        legend = t("probe.question") if is_only else t("probe.question_numbered", number=number)
+        sure = t("probe.confidence") if is_only else t("probe.confidence_numbered", number=number)
+        wording = ItemTexts(sure, t("probe.unsure"), t("probe.sure"))
         error = question_error(name, legend, problems.questions, t)
         questions.append(QuestionField(name, "choice", legend, choices, form.get(name, ""), error=error))
         ratings.append(rating_field_of(form, item, wording, reasons.get(item.id), t))
         view = visit.catalogue.view(trial.layout, question.state, visit.language)
         asked.append({"view": view, "question": questions[-1], "confidence": ratings[-1]})
-    return {"asked": asked, "errors": question_errors(questions) + rating_errors(ratings)}
+    return {"asked": asked, "states": probe.states, "errors": question_errors(questions) + rating_errors(ratings)}
 
 
 _PARSERS: Mapping[PageKind, _Parser] = {
@@ -233,6 +238,10 @@ _CONTEXTS: Mapping[PageKind, _Context] = {
     "drive": drive_context,
 }
 _SATISFACTION = tuple(Item(id=item) for item in SATISFACTION_ITEMS)
+
+
+def _capitalised(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def _trial(page: Page) -> Trial:

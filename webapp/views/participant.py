@@ -7,6 +7,7 @@ from webapp.storage.enrolment import find_recruit
 from webapp.storage.participants import Participant, find_participant, withdraw
 from webapp.study.recruitment import Ending, way_back
 from webapp.study.sections import ReturnPath
+from webapp.study.session import DRIVEN
 from webapp.views.answering import go_to, notice
 from webapp.views.forms import refusal_of
 from webapp.views.pages import Problems, attempt_at, parse_page, render_page
@@ -44,6 +45,8 @@ def submit_page(number: int) -> Response | tuple[str, int]:
     visit = load_visit()
     page = visit.page(number)
     refusal = refusal_of(request.form, visit, page, attempt_at(visit, page))
+    if refusal is None and page.kind in DRIVEN:
+        refusal = "stale"  # A drive ends with an action, which has an address of its own.
     if refusal is not None:
         if not visit.participant.was_ended_early:
             flash(refusal)

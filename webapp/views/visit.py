@@ -51,15 +51,15 @@ class Visit:
 
 
 def find_current_participant() -> Participant | None:
-    """Return the participant that the request's cookie belongs to, whose language the pages then have.
+    """Return the participant that the request's cookie belongs to; while the study goes on, the pages are as before.
 
     A cookie of another mode or study is none: who tried the study out in a test run begins anew when it is live.
     """
     here = services()
     token = request.cookies.get(cookie_name(here.config, "participant"))
     participant = None if token is None else find_by_token(token)
-    if participant is not None:
-        _speak_as_before(participant)
+    if participant is not None and participant.is_in_progress:
+        speak_as_before(participant)
     return participant
 
 
@@ -81,6 +81,7 @@ def load_participant() -> Participant:
     participant = find_current_participant()
     if participant is None:
         raise NoPlaceError("no participant belongs to this request")
+    speak_as_before(participant)
     return participant
 
 
@@ -108,7 +109,7 @@ def place_of(participant: Participant) -> str:
     return url_for("participant.show_page", number=participant.num_stored + 1)
 
 
-def _speak_as_before(participant: Participant) -> None:
+def speak_as_before(participant: Participant) -> None:
     """Let the texts be those that the participant began with; if these are gone, the current ones."""
     bundles = services().bundles
     try:

@@ -10,7 +10,7 @@ from webapp.study.protocol import parse_study
 STUDIES = Path(__file__).parents[3] / "webapp" / "studies"
 PAPER = (STUDIES / "sakai2021" / "study.toml").read_text(encoding="utf-8")
 FULL = (STUDIES / "understanding" / "study.toml").read_text(encoding="utf-8")
-RECRUITMENT = '[recruitment]\nservice = "prolific"\n'
+RECRUITMENT = '[recruitment]\nservice = "sona"\n'
 BEFORE_EXPERIMENTS = "[[experiments]]\n"
 NOT_A_LAYOUT = "not one of the study's layouts: practice, experiment1-a, experiment1-b, experiment1-c"
 OWN_DRIVE = "made from the participant's own drive; declare [experiments.drive]"
@@ -76,12 +76,12 @@ def test_the_shipped_studies_contradict_themselves_in_nothing(text: str) -> None
         (
             'id = "general"',
             'id = "loveliness"',
-            "experiments[1].items[3].id: is 'loveliness', which stands there 2 times; keep one",
+            "experiments[1].items[4].id: is 'loveliness', which stands there 2 times; keep one",
         ),
         (
             'id = "general"',
             'id = "satisfaction_3"',
-            "experiments[1].items[3].id: is 'satisfaction_3', an item of the satisfaction scale; use another name",
+            "experiments[1].items[4].id: is 'satisfaction_3', an item of the satisfaction scale; use another name",
         ),
         (
             'situation = "current_view"',
@@ -281,3 +281,30 @@ def test_all_contradictions_are_told_at_once_and_with_the_mistakes_of_single_set
     text = changed(text, "attempts = 2", "attempts = 0")
     named = [line.partition(": ")[2].partition(":")[0] for line in problems_of(text)]
     assert sorted(named) == ["consent.guardian_below", "debriefing.discloses", "quiz.attempts"]
+
+
+def test_prolific_needs_a_way_back_for_every_ending_that_can_be_met() -> None:
+    told = problems_of(with_section('[recruitment]\nservice = "prolific"\ncompleted = { code = "CODE1" }'))
+    assert [line.split(": ")[1] for line in told] == ["recruitment.no_consent", "recruitment.withdrawn"]
+    screening = changed(FULL, 'on_failure = "continue"', 'on_failure = "screen_out"')
+    told = problems_of(with_section('[recruitment]\nservice = "prolific"', screening))
+    assert len(told) == 4
+    assert all(line.endswith("give it a code or a link, or these people cannot be told apart") for line in told)
+
+
+def test_equal_codes_are_refused() -> None:
+    section = 'completed = { code = "SAME" }\nwithdrawn = { code = "SAME" }'
+    (told,) = problems_of(with_section(RECRUITMENT + section))
+    assert told.endswith("recruitment.withdrawn.code: is 'SAME', the code of completed too; use another")
+
+
+def test_an_entry_that_is_wrong_does_not_make_its_list_look_empty() -> None:
+    (told,) = problems_of(changed(FULL, 'when = "after_ratings"', 'when = "sometimes"'))
+    assert "experiments[1].drive.when: is 'sometimes'; use 'before_ratings' or 'after_ratings'" in told
+    (told,) = problems_of(changed(FULL, 'choices = ["never", "some", "often"]', 'choices = ["never", "SOME"]'))
+    assert "'SOME'" in told
+
+
+def test_the_choice_that_is_always_offered_cannot_be_declared() -> None:
+    (told,) = problems_of(changed(FULL, 'choices = ["never", "some", "often"]', 'choices = ["prefer_not_to_say"]'))
+    assert told.endswith("which is always offered; remove it")

@@ -232,8 +232,8 @@ def test_a_translation_is_unvalidated_until_its_back_translation_is_cited() -> N
 
 def test_items_of_no_explanation_are_those_that_say_so(full_study: Study) -> None:
     (experiment,) = full_study.experiments
-    assert [item.id for item in experiment.items_for("none")] == ["likeliness"]
-    assert [item.id for item in experiment.items_for("placebic")] == ["likeliness", "loveliness", "general"]
+    assert [item.id for item in experiment.items_for("none")] == ["foresee"]
+    assert [item.id for item in experiment.items_for("placebic")] == ["foresee", "likeliness", "loveliness", "general"]
 
 
 def test_kinds_and_layouts_need_not_be_equal_in_number() -> None:
