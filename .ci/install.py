@@ -20,7 +20,15 @@ INPUTS = ("pyproject.toml", "constraints.txt", ".ci/install.py")
 OLDEST_PYTHON = (3, 11)
 OLDEST_PIP = (23, 2)
 TORCH_CPU_INDEX = "https://download.pytorch.org/whl/cpu"
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+CHROMIUMS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+FIREFOXES = ("firefox-esr", "firefox")
+# Debian's packages, and what to do where these cannot be installed.
+BROWSERS = {
+    "chromium": "Chromium (Debian, as root: apt-get install chromium; elsewhere: .venv/bin/playwright install "
+    "chromium; or name one in XAR_CHROMIUM)",
+    "firefox-esr": "Firefox (Debian, as root: apt-get install firefox-esr; elsewhere: mozilla.org has it; or name "
+    "one in XAR_FIREFOX)",
+}
 
 
 class CannotInstall(Exception):
@@ -31,12 +39,12 @@ def main() -> int:
     """Install what the arguments ask for and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--environment", type=Path, default=ROOT / ".venv", help="the virtual environment's folder")
-    parser.add_argument("--browser", action="store_true", help="also see to a Chromium for the browser tests")
+    parser.add_argument("--browser", action="store_true", help="also see to the browsers of the browser tests")
     arguments = parser.parse_args()
     try:
         install(arguments.environment.resolve())
         if arguments.browser:
-            install_browser()
+            install_browsers()
     except CannotInstall as problem:
         print(f"install: {problem}", file=sys.stderr)
         return 2
@@ -77,27 +85,37 @@ def find_browser() -> str | None:
     named = os.environ.get("XAR_CHROMIUM")
     if named:
         return named if Path(named).is_file() else None
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    found = next(filter(None, map(shutil.which, CHROMIUMS)), None)
     downloads = (Path.home() / ".cache/ms-playwright", Path.home() / "Library/Caches/ms-playwright")
     patterns = ("chromium-*/chrome-linux*/chrome", "chromium-*/chrome-mac*/*.app/Contents/MacOS/*")
     downloaded = (str(path) for folder in downloads for pattern in patterns for path in sorted(folder.glob(pattern)))
     return found or next(downloaded, None)
 
 
-def install_browser() -> None:
-    """See to it that the browser tests find a Chromium, from Debian's packages if that can be done here."""
-    if find_browser():
+def find_firefox() -> str | None:
+    """Return the path of a Firefox: `XAR_FIREFOX`, one on the path, or a Mac's."""
+    named = os.environ.get("XAR_FIREFOX")
+    if named:
+        return named if Path(named).is_file() else None
+    on_a_mac = Path("/Applications/Firefox.app/Contents/MacOS/firefox")
+    found = next(filter(None, map(shutil.which, FIREFOXES)), None)
+    return found or (str(on_a_mac) if on_a_mac.is_file() else None)
+
+
+def install_browsers() -> None:
+    """See to it that the browser tests find their browsers, from Debian's packages if that can be done here."""
+    finders = {"chromium": find_browser, "firefox-esr": find_firefox}
+    missing = [package for package, find in finders.items() if find() is None]
+    if not missing:
         return
     apt = shutil.which("apt-get")
     if apt is None or os.geteuid() != 0:
-        raise CannotInstall(
-            "the browser tests need Chromium and none was found. Install it (Debian, as root: apt-get install "
-            "chromium; elsewhere: .venv/bin/playwright install chromium) or name one in XAR_CHROMIUM."
-        )
-    say("installing Chromium")
+        wanted = " and ".join(BROWSERS[package] for package in missing)
+        raise CannotInstall(f"the browser tests need {wanted}, which was not found.")
+    say(f"installing {' and '.join(missing)}")
     quiet = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
     _run([apt, "update", "-q"], environment=quiet)
-    _run([apt, "install", "-y", "-q", "--no-install-recommends", "chromium", "fonts-liberation"], environment=quiet)
+    _run([apt, "install", "-y", "-q", "--no-install-recommends", *missing, "fonts-liberation"], environment=quiet)
 
 
 def say(line: str) -> None:

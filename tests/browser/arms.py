@@ -54,7 +54,7 @@ id = "{experiment}"
 situation = "{situation}"
 layouts = ["{layout}"]
 kinds = ["{kind}"]
-satisfaction = true
+satisfaction = {satisfaction}
 items = [{{ id = "likeliness", without_explanation = true }}, {{ id = "general" }}]
 
 [experiments.drive]
@@ -74,6 +74,11 @@ def layout_of(kind: Kind) -> str:
     return "experiment2-a" if kind in KEY_POINT_KINDS else "experiment1-b"
 
 
+def has_satisfaction(kind: Kind) -> bool:
+    """Whether the satisfaction scale follows the ratings of a kind: in every third study, which is enough to see it."""
+    return kind in {"subgoals", "all_key_points", "placebic", "tailored_first"}
+
+
 def write_study(folder: Path, kind: Kind) -> Path:
     """Write the study of one kind; half of the kinds are rated before the drive, the others after it."""
     has_video = kind in KEY_POINT_KINDS
@@ -89,6 +94,7 @@ def write_study(folder: Path, kind: Kind) -> Path:
         experiment="1",
         situation="video" if has_video else "current_view",
         kind=kind,
+        satisfaction=json.dumps(has_satisfaction(kind)),
         when="before_ratings" if len(kind) % 2 else "after_ratings",
     )
     (study / "study.toml").write_text(text + (_QUESTION if has_video else ""), encoding="utf-8")

@@ -12,7 +12,7 @@ from typing import Any, get_args
 import pytest
 from playwright.sync_api import Browser
 
-from tests.browser.arms import layout_of, serve_arm
+from tests.browser.arms import has_satisfaction, layout_of, serve_arm
 from tests.browser.site import Row, Site
 from tests.browser.walker import GIVE_UP, Walker
 from tests.browser.windows import DESKTOP, PHONE, TIMEOUT_MS, watch
@@ -125,7 +125,7 @@ def assert_pages(kind: Kind, run: Run) -> None:
     seen = run.walker.seen
     assert seen[:4] == ["background", "instructions", "practice", "quiz"]
     assert ("first_drive" in seen) == (kind in TAILORED_KINDS)
-    assert ("satisfaction" in seen) == (kind != "none")
+    assert ("satisfaction" in seen) == has_satisfaction(kind)
     assert seen.index("probe") < seen.index("drive")
     is_rated_last = len(kind) % 2 == 1
     assert (seen.index("drive") < seen.index("rating")) == is_rated_last
@@ -145,7 +145,8 @@ def assert_ratings(kind: Kind, run: Run) -> None:
     rows = {row["item"]: int(row["rating"]) for row in run.files["ratings.csv"]}
     chosen = {item: value for item, value in run.walker.ratings.items() if not item.startswith("confidence-")}
     assert rows == chosen
-    assert set(rows) == ({"likeliness"} if kind == "none" else {"likeliness", "general", *SATISFACTION_ITEMS})
+    asked = {"likeliness"} if kind == "none" else {"likeliness", "general"}
+    assert set(rows) == asked | (set(SATISFACTION_ITEMS) if has_satisfaction(kind) else set())
     for row in run.files["ratings.csv"]:
         assert (row["kind"], bool(row["response_time_ms"])) == (kind, run.way.scripts)
 
@@ -183,7 +184,7 @@ def assert_drives(kind: Kind, site: Site, run: Run) -> None:
     after = drives["after"]
     assert (after["end"], after["actions"].split()) == ("reached", list(way))
     assert (int(after["num_steps"]), int(after["optimum"])) == (len(way), len(way))
-    assert (drives["practice"]["end"], drives["practice"]["kind"]) == ("reached", "")
+    assert (drives["practice"]["end"], drives["practice"]["kind"]) == ("gave_up", "")
     if "before" in drives:
         assert (drives["before"]["end"], drives["before"]["actions"]) == ("gave_up", "left")
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import pytest
 from playwright.sync_api import Browser
 
+from tests.browser.arrivals import agree_until
 from tests.browser.page_costs import PageCost, weigh
 from tests.browser.site import Site, serve
 from tests.browser.walker import DRIVES, GIVE_UP, Walker
@@ -77,7 +78,7 @@ def bill(browser: Browser, site: Site) -> Bill:
     for path in ("/declined", "/"):
         walker.page.goto(path)
         bill.pages.append(weigh(browser, walker.page, PHONE))
-    agree(walker, site, tailored=bill.study == "understanding")
+    agree_until(walker, site, lambda kinds: bill.study != "understanding" or "tailored_all" in kinds)
     while "/study/" in walker.page.url:
         bill.add(browser, walker)
         if walker.kind() in DRIVES:
@@ -88,17 +89,6 @@ def bill(browser: Browser, site: Site) -> Bill:
     bill.pages.append(weigh(browser, walker.page, PHONE))
     context.close()
     return bill
-
-
-def agree(walker: Walker, site: Site, *, tailored: bool) -> None:
-    """Give consent, again and again until an explanation is made for this participant if that is wished for."""
-    for _ in range(20):
-        walker.agree()
-        newest = max(site.export("participants.csv"), key=lambda row: row["consented_at"])
-        if not tailored or "tailored_all" in newest["assignment"]:
-            return
-        walker.page.context.clear_cookies()
-    raise AssertionError("nobody was shown a tailored explanation")
 
 
 def test_every_kind_of_page_was_weighed(bill: Bill) -> None:

@@ -10,6 +10,7 @@ from webapp.stimuli.catalogue import Catalogue
 
 MAX_PAGES = 60
 GIVE_UP = "give_up"
+RADIOS = "Array.from(document.querySelectorAll('form input[type=radio]'), ({ name, id, value }) => [name, id, value])"
 DRIVES = frozenset({"practice", "first_drive", "drive"})
 
 
@@ -20,7 +21,7 @@ class Walker:
     Attributes:
         page: The window.
         catalogue: What the study shows.
-        layout: The layout of every trial; the practice's is known from the study.
+        layout: The layout of every trial.
         rng: Decides on the answers.
         language: The language to read.
         from_step: The step of the agent's path at which the trials' drives start.
@@ -94,12 +95,12 @@ class Walker:
         if self.kind() == "quiz":
             self.answer_quiz()
             return
-        names = {str(radio.get_attribute("name")) for radio in self.page.locator("form input[type=radio]").all()}
-        for name in sorted(names):
-            radios = self.page.locator(f"form input[name='{name}']").all()
-            radio = self.rng.choice(radios)
-            self.page.locator(f"label[for='{radio.get_attribute('id')}']").click()
-            value = str(radio.get_attribute("value"))
+        radios: dict[str, list[tuple[str, str]]] = {}
+        for name, control, value in self.page.evaluate(RADIOS):
+            radios.setdefault(name, []).append((control, value))
+        for name, options in sorted(radios.items()):
+            control, value = self.rng.choice(options)
+            self.page.locator(f"label[for='{control}']").click()
             if name.startswith("rating-"):
                 self.ratings[name.removeprefix("rating-")] = int(value)
             elif name.startswith("predict-"):
@@ -146,8 +147,6 @@ class Walker:
     def _way(self, kind: str) -> tuple[str, ...]:
         if kind == "first_drive":
             return self.first_drive
-        practice = self.catalogue.study.practice
         if kind == "practice":
-            assert practice is not None
-            return self.catalogue.world(practice.layout).path_actions
+            return ("left", GIVE_UP)
         return self.catalogue.world(self.layout).path_actions[self.from_step - 1 :]

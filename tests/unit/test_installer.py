@@ -37,24 +37,42 @@ def test_where_the_stamp_matches_nothing_is_done(ready: Path) -> None:
     assert [path.name for path in ready.iterdir()] == [".installed"]
 
 
-def test_a_browser_that_is_named_is_taken(ready: Path) -> None:
+def test_browsers_that_are_named_are_taken(ready: Path) -> None:
     named = ready / "my-browser"
     named.touch()
-    nowhere = {"PATH": str(ready), "HOME": str(ready)}
-    assert install("--environment", str(ready), "--browser", XAR_CHROMIUM=str(named), **nowhere).returncode == 0
+    nowhere = {"PATH": str(ready), "HOME": str(ready), "XAR_CHROMIUM": str(named), "XAR_FIREFOX": str(named)}
+    assert install("--environment", str(ready), "--browser", **nowhere).returncode == 0
 
 
-def test_without_a_browser_and_a_way_to_get_one_it_says_what_to_do(ready: Path) -> None:
-    nowhere = {"PATH": str(ready), "HOME": str(ready), "XAR_CHROMIUM": ""}
+@pytest.mark.parametrize(("missing", "there"), [("CHROMIUM", "FIREFOX"), ("FIREFOX", "CHROMIUM")])
+def test_without_a_browser_and_a_way_to_get_one_it_says_what_to_do(ready: Path, missing: str, there: str) -> None:
+    named = ready / "my-browser"
+    named.touch()
+    nowhere = {"PATH": str(ready), "HOME": str(ready), f"XAR_{there}": str(named), f"XAR_{missing}": "missing"}
     finished = install("--environment", str(ready), "--browser", **nowhere)
     assert finished.returncode == 2
-    assert finished.stderr.startswith("install: the browser tests need Chromium")
+    assert finished.stderr.startswith(f"install: the browser tests need {missing.capitalize()} (Debian, as root: ")
+    assert there.capitalize() not in finished.stderr
     assert len(finished.stderr.splitlines()) == 1
 
 
-def test_a_browser_that_is_named_and_missing_is_not_replaced_by_another(ready: Path) -> None:
+def test_without_any_browser_it_says_so_once(ready: Path) -> None:
+    nowhere = {"PATH": str(ready), "HOME": str(ready), "XAR_CHROMIUM": "", "XAR_FIREFOX": "missing"}
+    finished = install("--environment", str(ready), "--browser", **nowhere)
+    assert finished.returncode == 2
+    assert "Chromium" in finished.stderr
+    assert "Firefox" in finished.stderr
+    assert len(finished.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("browser", ["chromium", "firefox"])
+def test_a_browser_that_is_named_and_missing_is_not_replaced_by_another(ready: Path, browser: str) -> None:
+    for name in ("chromium", "firefox"):
+        (ready / name).touch(mode=0o755)
     nowhere = {"PATH": str(ready), "HOME": str(ready)}
-    assert install("--environment", str(ready), "--browser", XAR_CHROMIUM="missing", **nowhere).returncode == 2
+    assert install("--environment", str(ready), "--browser", **nowhere).returncode == 0
+    named = {f"XAR_{browser.upper()}": "missing"}
+    assert install("--environment", str(ready), "--browser", **nowhere, **named).returncode == 2
 
 
 def test_the_stamp_follows_the_lock(tmp_path: Path) -> None:

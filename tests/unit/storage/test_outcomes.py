@@ -70,7 +70,7 @@ def test_the_satisfaction_scale_is_among_the_ratings_where_it_was_asked(database
     own = [(row.kind, row.item) for row in rows if not row.is_satisfaction]
     asked = {kind: [item.id for item in SATISFIED.experiments[0].items_for(kind)] for kind in KINDS}
     assert own == [(kind, item) for kind in KINDS for item in asked[kind]]
-    assert asked["none"] == ["likeliness"]
+    assert asked["none"] == ["foresee"]
 
 
 def test_a_scale_of_another_length_keeps_its_length(database: Database) -> None:
