@@ -5,7 +5,8 @@ python -m tests.benchmarks.pages
 Three pages of the study `understanding`, which has everything around its trials: the welcome, a trial's explanation
 with its ratings, and a drive. Everything is weighed with an empty cache. Lighthouse is installed by npm at the version
 below, once; the participant's cookie goes along as a header, and a run counts only if it ended on the page that was
-asked for. It takes about five minutes, and other work on the machine shows in Lighthouse's performance.
+asked for. It takes about five minutes. Other work on the machine shows in Lighthouse's performance, and in the time to
+a view, most of which is the wait until the action is on disk and the next frame is due.
 """
 
 import json

@@ -1,7 +1,4 @@
-"""A Firefox without a screen, driven by WebDriver BiDi: the browser's own protocol, spoken over a websocket.
-
-Playwright drives a Firefox of its own making; this drives the one that people have.
-"""
+"""The Firefox that people have, without a screen, driven by its own protocol: WebDriver BiDi, over a websocket."""
 
 import json
 import os
@@ -19,12 +16,10 @@ from websockets.sync.client import ClientConnection, connect
 TIMEOUT_S = 20.0
 LOOK_S = 0.05
 PHONE = {"width": 390, "height": 844}
-
 _LISTENS = re.compile(r"WebDriver BiDi listening on (ws://\S+)")
 _REPORT_VIOLATIONS = """() => document.addEventListener("securitypolicyviolation", (event) => {
     console.error(`CSP: ${event.violatedDirective} stopped ${event.blockedURI}`);
 })"""
-# Two frames later it stands where it was scrolled to, most times: see `Firefox.click`.
 _BRING_INTO_SIGHT = """new Promise((done) => {
     const element = document.querySelector(%s);
     element.scrollIntoView({ block: "center", behavior: "instant" });
@@ -40,7 +35,7 @@ class Firefox:
     """One window, as large as a phone's.
 
     Attributes:
-        complaints: What pages wrote to the console as errors and warnings, and which requests failed.
+        complaints: What pages wrote to the console as errors and warnings, and what the server refused.
     """
 
     def __init__(self, connection: ClientConnection) -> None:
@@ -48,7 +43,7 @@ class Firefox:
         self._connection = connection
         self._num_calls = 0
         self.call("session.new", capabilities={})
-        self.call("session.subscribe", events=["log.entryAdded", "network.responseCompleted", "network.fetchError"])
+        self.call("session.subscribe", events=["log.entryAdded", "network.responseCompleted"])
         self.call("script.addPreloadScript", functionDeclaration=_REPORT_VIOLATIONS)
         self._window: str = self.call("browsingContext.getTree")["contexts"][0]["context"]
         self.call("browsingContext.setViewport", context=self._window, viewport=PHONE)
@@ -64,8 +59,7 @@ class Firefox:
             elif message["id"] == self._num_calls and message["type"] == "error":
                 raise BidiError(f"{method}: {message['error']}: {message['message']}")
             elif message["id"] == self._num_calls:
-                found: dict[str, Any] = message["result"]
-                return found
+                return dict(message["result"])
 
     def open(self, address: str) -> None:
         """Go to an address and wait until its page is loaded."""
@@ -89,44 +83,41 @@ class Firefox:
 
     def click(self, selector: str) -> None:
         """Move the pointer onto an element and press, again if Firefox scrolls back to what was typed last."""
-        press = [{"type": "pointerDown", "button": 0}, {"type": "pointerUp", "button": 0}]
+        press = [{"type": kind, "button": 0} for kind in ("pointerDown", "pointerUp")]
         deadline = time.monotonic() + TIMEOUT_S
         while True:
             element = {"sharedId": self._run(_BRING_INTO_SIGHT % json.dumps(selector))["sharedId"]}
             to_it = {"type": "pointerMove", "x": 0, "y": 0, "origin": {"type": "element", "element": element}}
+            mouse = {"type": "pointer", "id": "mouse", "actions": [to_it, *press]}
             try:
-                return self._perform({"type": "pointer", "id": "mouse", "actions": [to_it, *press]})
+                self.call("input.performActions", context=self._window, actions=[mouse])
             except BidiError as error:
                 if "out of bounds" not in str(error) or time.monotonic() > deadline:
                     raise
+            else:
+                return
 
     def press(self, *keys: str) -> None:
         """Press keys one after another; special ones are the code points that WebDriver gives them."""
-        actions = [{"type": kind, "value": key} for key in keys for kind in ("keyDown", "keyUp")]
-        self._perform({"type": "key", "id": "keyboard", "actions": actions})
+        strokes = [{"type": kind, "value": key} for key in keys for kind in ("keyDown", "keyUp")]
+        keyboard = {"type": "key", "id": "keyboard", "actions": strokes}
+        self.call("input.performActions", context=self._window, actions=[keyboard])
 
     def save_picture(self, path: Path) -> None:
         """Write what the window shows as a PNG file."""
         path.write_bytes(b64decode(self.call("browsingContext.captureScreenshot", context=self._window)["data"]))
 
     def _run(self, expression: str) -> dict[str, Any]:
-        here = {"context": self._window}
-        told = self.call("script.evaluate", expression=expression, target=here, awaitPromise=True)
+        told = self.call("script.evaluate", expression=expression, target={"context": self._window}, awaitPromise=True)
         if told["type"] == "exception":
             raise BidiError(f"{expression}: {told['exceptionDetails']['text']}")
-        found: dict[str, Any] = told["result"]
-        return found
-
-    def _perform(self, source: dict[str, Any]) -> None:
-        self.call("input.performActions", context=self._window, actions=[source])
+        return dict(told["result"])
 
     def _note(self, event: str, told: dict[str, Any]) -> None:
         if event == "log.entryAdded" and told["level"] in {"error", "warn"}:
             self.complaints.append(str(told["text"]))
         elif event == "network.responseCompleted" and told["response"]["status"] >= 400:
             self.complaints.append(f"{told['response']['status']} {told['response']['url']}")
-        elif event == "network.fetchError":
-            self.complaints.append(f"{told['errorText']} {told['request']['url']}")
 
 
 @contextmanager
