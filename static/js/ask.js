@@ -1,6 +1,7 @@
 /* Lets a person make a route without leaving the page: the same requests, and only what they change is put in anew. */
 
-const KEYS = { ArrowUp: "forward", ArrowLeft: "left", ArrowRight: "right", p: "pickup", o: "toggle" };
+import { KEYS } from "./drive_keys.js";
+
 const CHANGING = ["#languages", "[data-ask]", "#answer"];
 const PATIENCE_MS = 3000;
 

@@ -1,10 +1,9 @@
 /* Lets a person steer the agent without loading the page anew for every action. */
 
 import { Delivery } from "./delivery.js";
+import { KEYS } from "./drive_keys.js";
 import { forget } from "./kept.js";
 import { pause } from "./pictures.js";
-
-const KEYS = { ArrowUp: "forward", ArrowLeft: "left", ArrowRight: "right", p: "pickup", o: "toggle" };
 
 /* A view that does not come must not keep the agent from moving: its words are there. */
 const PATIENCE_MS = 3000;

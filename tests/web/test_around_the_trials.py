@@ -153,6 +153,11 @@ class TestBackground:
         assert "I built one, once." in page.text
         assert num_rows(instance, "answers") == num_rows(instance, "pages") == 0
 
+    def test_the_field_says_how_much_fits(self, visit: Visit) -> None:
+        visitor = visit(background=BACKGROUND)
+        visitor.agree()
+        assert 'maxlength="500"' in visitor.get("/study/1").text
+
     def test_words_that_are_too_long_are_refused_and_kept(self, visit: Visit, instance: Path) -> None:
         visitor = visit(background=BACKGROUND)
         visitor.agree()

@@ -74,11 +74,7 @@ def store_step(database: Database, participant: Participant, page: Page, step: D
     Raises:
         webapp.study.session.NoSuchPageError: There is no page of this number.
     """
-    with database.write() as connection:
-        fresh, outcome = _decide(connection, participant, page)
-        if fresh is None or outcome != "accept":
-            return outcome
-        return _insert_step(connection, fresh.id, page, step, now)
+    return _store_step(database, participant, page, step, now)
 
 
 def store_last_step(
@@ -97,14 +93,7 @@ def store_last_step(
         webapp.study.session.NoSuchPageError: There is no page of this number.
     """
     _check(page, content)
-    with database.write() as connection:
-        fresh, outcome = _decide(connection, participant, page)
-        if fresh is None or outcome != "accept":
-            return outcome
-        outcome = _insert_step(connection, fresh.id, page, step, now)
-        if outcome == "accept":
-            _insert_page(connection, fresh, page, nonce, content, now)
-        return outcome
+    return _store_step(database, participant, page, step, now, ending=(nonce, content))
 
 
 def drive_actions(database: Database, participant: Participant, page_number: int) -> tuple[str, ...]:
@@ -133,6 +122,24 @@ def last_answers(database: Database, participant: Participant, page_number: int)
             answers.c.attempt == _num_attempts(connection, participant.id, page_number),
         )
         return {row.question: Answer(*row) for row in connection.execute(query)}
+
+
+def _store_step(
+    database: Database,
+    participant: Participant,
+    page: Page,
+    step: DriveStep,
+    now: datetime,
+    ending: tuple[str, PageContent] | None = None,
+) -> Outcome:
+    with database.write() as connection:
+        fresh, outcome = _decide(connection, participant, page)
+        if fresh is None or outcome != "accept":
+            return outcome
+        outcome = _insert_step(connection, fresh.id, page, step, now)
+        if outcome == "accept" and ending is not None:
+            _insert_page(connection, fresh, page, *ending, now)
+        return outcome
 
 
 def _check(page: Page, content: PageContent) -> None:

@@ -8,7 +8,7 @@ from typing import Literal, Protocol, TypeVar
 
 from webapp.study.answers import PREFER_NOT_TO_SAY, Answer, Prediction
 from webapp.study.experiments import Item
-from webapp.study.questionnaire import Ratings, measured_time
+from webapp.study.questionnaire import Ratings, measured_time, rating_field
 from webapp.study.sections import ATTENTION_POINTS, MAX_TEXT_LENGTH, AttentionCheck, BackgroundQuestion, QuizQuestion
 
 CONFIDENCE_POINTS = 5
@@ -113,7 +113,7 @@ def parse_predictions(
         form: The form's fields.
         asked: What was asked, in the order of the questions.
         actions: The actions to choose from.
-        confidences: The confidence in each answer, by the id of `confidence_item`.
+        confidences: The confidence in each answer, by the id of `confidence_item`; a prediction without is a problem.
     """
 
     def read(number: int) -> Prediction | FieldProblem:
@@ -121,7 +121,9 @@ def parse_predictions(
         predicted = form.get(field, "").strip()
         if predicted not in actions:
             return FieldProblem(field, "invalid" if predicted else "missing")
-        question = asked[number - 1]
+        question, sureness = asked[number - 1], confidence_item(number).id
+        if sureness not in confidences:
+            return FieldProblem(rating_field(sureness), "missing")
         return Prediction(
             question=number,
             state=question.state,
@@ -129,7 +131,7 @@ def parse_predictions(
             action=question.action,
             is_correct=predicted == question.action,
             is_as_good=predicted in question.as_good,
-            confidence=confidences.get(confidence_item(number).id, 1),
+            confidence=confidences[sureness],
             response_time_ms=measured_time(form.get(f"time-{field}", "")),
         )
 

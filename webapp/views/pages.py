@@ -23,7 +23,7 @@ from webapp.study.question_forms import (
     without_checks,
 )
 from webapp.study.questionnaire import RatingProblem, Ratings, parse_ratings
-from webapp.study.sections import AttentionCheck
+from webapp.study.sections import MAX_TEXT_LENGTH, AttentionCheck
 from webapp.study.session import DRIVEN, Page, PageKind, Trial
 from webapp.study.texts import ItemTexts, Texts
 from webapp.views.answering import notice
@@ -140,7 +140,7 @@ def _parse_probe(visit: Visit, page: Page, form: Mapping[str, str]) -> PageConte
     actions = visit.catalogue.world(_trial(page).layout).actions
     found = parse_predictions(form, asked, actions, values)
     problems = _problems(found)
-    if problems or not isinstance(confidence, Ratings):
+    if problems:
         return Problems(() if isinstance(confidence, Ratings) else confidence, problems)
     return PageContent(predictions=[entry for entry in found if isinstance(entry, Prediction)])
 
@@ -149,7 +149,7 @@ def _background_context(visit: Visit, _page: Page, form: Mapping[str, str], prob
     section = visit.catalogue.study.background
     assert section is not None  # noqa: S101 - for the type checker: without the section there is no such page
     fields = background_fields(form, section.questions, problems.questions, texts())
-    return {"questions": fields, "errors": question_errors(fields)}
+    return {"questions": fields, "errors": question_errors(fields), "max_text_length": MAX_TEXT_LENGTH}
 
 
 def _quiz_context(visit: Visit, page: Page, form: Mapping[str, str], problems: Problems) -> dict[str, Any]:
