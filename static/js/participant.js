@@ -25,7 +25,7 @@ async function follow(form) {
   if (form.matches("[data-timed]")) {
     startTiming(form, clock);
   }
-  startDrives(clock);
+  const drives = startDrives(clock);
   const behaviour = document.body.matches("[data-behaviour]") ? import("./behaviour.js") : null;
   // The view of a drive has no number: it is another picture after every step.
   const pictures = Array.from(document.querySelectorAll("img.picture:not([data-view])"));
@@ -35,6 +35,8 @@ async function follow(form) {
   await clock.start();
   log.add("painted");
   (await behaviour)?.startBehaviour(form, pictures, log);
+  // Until then a press goes out as it does without scripts.
+  await drives;
   form.dataset.clock = "running";
 }
 
