@@ -20,7 +20,7 @@ help:  ## List the commands
 
 run: install  ## Build the study, make an account and serve, as a test run; PORT=8000 sets the port
 	@$(BIN)/xar build $(STUDY)
-	@$(BIN)/xar admin create researcher --generate-password --if-missing
+	@$(BIN)/xar admin create researcher --role admin --generate-password --if-missing
 	@$(BIN)/xar serve --study $(STUDY) --port $(or $(PORT),$$($(BIN)/python -c '$(FREE_PORT)'))
 
 test: install install-browser  ## Run every test, those in the browser included
@@ -39,7 +39,7 @@ format: install  ## Format the Python files and mend what can be mended
 	$(BIN)/ruff format .
 
 bench: install  ## Time what the documentation promises
-	@status=0; for part in promises exact_importance batched_sampling reachability scale pictures pages learning_runs sweeps; do \
+	@status=0; for part in promises exact_importance batched_sampling reachability scale pictures pages dashboard exports learning_runs sweeps; do \
 		echo "== $$part"; $(BIN)/python -m tests.benchmarks.$$part || status=1; done; exit $$status
 
 soak: install install-browser  ## Many participants at once, then every way of taking part, against what is stored

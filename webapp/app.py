@@ -15,8 +15,13 @@ from waitress.server import create_server  # type: ignore[import-untyped]
 
 from webapp.config import LOOPBACK, Config, ConfigError
 from webapp.stimuli.catalogue import Catalogue, current_bundle
+from webapp.stimuli.program import running_program
+from webapp.stimuli.publication import check_published
 from webapp.storage.database import Database
-from webapp.storage.instance import only_server, prepare_instance, secret_key
+from webapp.storage.instance import note_address, only_server, prepare_instance, secret_key
+from webapp.storage.live import LiveNumbers
+from webapp.storage.records import SYSTEM, Entry, append
+from webapp.storage.scope import Scope
 from webapp.views import arrival, ask, driving, health, participant, researcher
 from webapp.views.assets import init_assets
 from webapp.views.errors import init_errors
@@ -33,7 +38,7 @@ MAX_FORM_PARTS = 100
 # How long an idle connection is kept.
 _IDLE_S = 30
 # Above the app's own limit, so that somebody who sends too much is told so on one of our pages.
-_SERVER_MAX_BODY_BYTES = 1024 * 1024
+_SERVER_MAX_BODY_BYTES = 6 * 1024 * 1024
 
 
 def create_app(config: Config, *, clock: Callable[[], datetime] = utc_now) -> Flask:
@@ -90,7 +95,8 @@ def _resources() -> Path:
 
 
 def _open_services(config: Config, clock: Callable[[], datetime]) -> Services:
-    catalogue = Catalogue.open(current_bundle(config.instance, config.study))
+    bundle = check_published if config.live else current_bundle
+    catalogue = Catalogue.open(bundle(config.instance, config.study))
     placeholders = catalogue.study.placeholders()
     if config.live and placeholders:
         names = ", ".join(placeholders)
@@ -99,7 +105,11 @@ def _open_services(config: Config, clock: Callable[[], datetime]) -> Services:
     secret = secret_key(config.instance)
     database = Database(config.database_path)
     database.upgrade()
-    return Services(config, database, Bundles(config.instance / "bundles", catalogue), secret, clock)
+    bundles = Bundles(config.instance / "bundles", catalogue)
+    live = LiveNumbers(database)
+    # The first look reads everybody; no researcher has to wait for it.
+    live.overview(catalogue.study, Scope(catalogue.study.name, catalogue.version, config.mode), utc_now())
+    return Services(config, database, live, bundles, secret, clock)
 
 
 def _configure_flask(app: Flask, services: Services) -> None:
@@ -137,6 +147,8 @@ def _serve(app: Flask, config: Config, announce: Callable[[str], None]) -> None:
     signal.signal(signal.SIGTERM, _stop)
     host = f"[{config.host}]" if ":" in config.host else config.host
     address = f"http://{host}:{server.effective_port}"
+    note_address(config.instance, address)
+    _record_start(services_of(app))
     announce(f"Participants: {address}/")
     announce(f"Dashboard:    {address}/researcher/")
     if not config.https and config.host not in LOOPBACK:
@@ -146,6 +158,16 @@ def _serve(app: Flask, config: Config, announce: Callable[[str], None]) -> None:
         server.run()
     finally:
         server.close()
+
+
+def _record_start(services: Services) -> None:
+    """Record which version is shown to people, and by which program: both are frozen by publishing it."""
+    if services.config.live:
+        current = services.bundles.current
+        scope = Scope(current.study.name, current.version, services.config.mode)
+        content = {"program": running_program().to_json()}
+        with services.database.write() as connection:
+            append(connection, Entry(services.clock(), SYSTEM, "served", scope, content=content))
 
 
 def _stop(_signal: int, _frame: FrameType | None) -> NoReturn:

@@ -100,6 +100,22 @@ class OneLineErrors(click.Group):
 
 
 @contextmanager
+def refusals() -> Iterator[None]:
+    """Turn what the layers refuse into one line and exit status 2."""
+    from webapp.config import ConfigError  # noqa: PLC0415 - a quick verb stays quick.
+    from webapp.stimuli.catalogue import BundleError  # noqa: PLC0415
+    from webapp.storage.accounts import AccountError  # noqa: PLC0415
+    from webapp.storage.database import DatabaseError  # noqa: PLC0415
+    from webapp.storage.instance import InstanceError  # noqa: PLC0415
+    from webapp.storage.people import PersonError  # noqa: PLC0415
+
+    try:
+        yield
+    except (AccountError, BundleError, ConfigError, DatabaseError, InstanceError, PersonError) as error:
+        raise CommandError(str(error)) from error
+
+
+@contextmanager
 def _one_line() -> Iterator[None]:
     try:
         yield

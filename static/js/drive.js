@@ -119,16 +119,19 @@ function tell(status, message, alt, explains) {
   status.replaceChildren(message, words);
 }
 
-/* Keys act while the focus is within the section, and a key that is held down acts once. */
+/* Keys act while the focus is within the section, and a key that is held down acts once. A world of the study's own says
+   itself which key presses which of its buttons. */
 function listenToKeys(section, form) {
   section.tabIndex = -1; // A click anywhere in it brings the focus there.
-  const buttonOf = (action) => form.querySelector(`button[value="${action}"]`);
-  Object.entries(KEYS).forEach(([key, action]) => buttonOf(action)?.setAttribute("aria-keyshortcuts", key));
+  const own = [...form.querySelectorAll("button[data-key]")];
+  const keys = own.length > 0 ? Object.fromEntries(own.map((button) => [button.dataset.key, button.value])) : KEYS;
+  const buttonOf = (action) => action && form.querySelector(`button[value="${CSS.escape(action)}"]`);
+  Object.entries(keys).forEach(([key, action]) => buttonOf(action)?.setAttribute("aria-keyshortcuts", key));
   section.addEventListener("keydown", (event) => {
     if (event.altKey || event.ctrlKey || event.metaKey) {
       return;
     }
-    const button = buttonOf(KEYS[event.key] ?? KEYS[event.key.toLowerCase()]);
+    const button = buttonOf(keys[event.key] ?? keys[event.key.toLowerCase()]);
     const isPress = button || event.key === "Enter" || event.key === " ";
     if (button || (isPress && event.repeat)) {
       event.preventDefault();

@@ -1,9 +1,11 @@
 /* Starts what a researcher's page holds. Every page works without this; then it shows the moment it was loaded. */
 
-import { startChart } from "./chart.js";
 import { guardForms } from "./guard.js";
-import { startLiveOverview } from "./overview.js";
+import { showTimes, startLivePage } from "./live.js";
 
 guardForms(document);
-document.querySelectorAll("[data-status]").forEach((overview) => startLiveOverview(overview));
-document.querySelectorAll("[data-chart]").forEach((ratings) => startChart(ratings));
+showTimes(document);
+document.querySelectorAll("[data-status]").forEach((page) => startLivePage(page));
+document.querySelectorAll("[data-select]").forEach((field) => field.addEventListener("focus", () => field.select()));
+/* On a narrow screen the navigation scrolls sideways: the page that is shown is in sight. */
+document.querySelector(".dash-nav [aria-current]")?.scrollIntoView({ block: "nearest", inline: "center" });

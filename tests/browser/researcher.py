@@ -16,10 +16,21 @@ def sign_in(page: Page, site: Site) -> None:
     page.get_by_role("heading", name="Overview").wait_for()
 
 
+def unblind(page: Page, site: Site, reason: str = "The study is over") -> None:
+    """See the arms from now on; nothing changes for whoever sees them already."""
+    page.goto("/researcher/unblind")
+    if page.get_by_label("Reason").is_visible():
+        page.get_by_label("Reason").fill(reason)
+        page.get_by_label("Your password").fill(site.password)
+        page.get_by_role("button", name="Unblind me").click()
+        page.get_by_role("heading", name="Results").wait_for()
+
+
 def download(page: Page, name: str, folder: Path) -> list[Row]:
-    """Download a file of the data from the overview and return its rows."""
+    """Download a file of the data from its page and return its rows; whoever asks must have unblinded themselves."""
+    page.goto("/researcher/data")
     with page.expect_download() as started:
-        page.get_by_role("link", name=name).click()
+        page.get_by_role("link", name=f"{name} as stored").click()
     assert started.value.suggested_filename == name
     started.value.save_as(folder / name)
     return read_csv((folder / name).read_bytes())

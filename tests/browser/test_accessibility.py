@@ -76,6 +76,3 @@ def test_the_pages_for_researchers(page: Page, site: Site) -> None:
     assert_accessible(page, "sign in refused")
     sign_in(page, site)
     assert_accessible(page, "overview")
-    page.get_by_role("button", name="Reveal the ratings").click()
-    page.get_by_role("button", name="Reveal the ratings").wait_for(state="detached")
-    assert_accessible(page, "overview with ratings")

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Iterator
+from html import escape
 
 import pytest
 from playwright.sync_api import Page, ViewportSize, expect
@@ -170,6 +171,25 @@ def test_keys_act_while_the_focus_is_inside_and_once_however_long_they_are_held(
     expect_view(page, 3)
     assert actions(site) == [("1", "forward"), ("2", "toggle")]
     assert page.evaluate("scrollY") == 0
+
+
+def test_a_world_of_the_studys_own_says_which_key_presses_which_button(page: Page, site: SmallSite) -> None:
+    own = {"1": "push left", "2": 'say "left"', "3": "left"}
+    buttons = [
+        f'<button class="drive__button" name="action" value="{name}" data-key="{key}">{name}</button>'
+        for key, name in zip(own, map(escape, own.values()), strict=True)
+    ]
+    site.show(DRIVE, buttons=markup("".join(buttons)))
+    page.goto("/")
+    page.locator("[data-clock=running]").wait_for()
+    assert [button.get_attribute("aria-keyshortcuts") for button in page.locator(".drive__button").all()] == list(own)
+    page.get_by_role("img", name="View 1").click()
+    for key in ("ArrowLeft", "p", "4", "2"):
+        page.keyboard.press(key)
+    expect_view(page, 2)
+    page.keyboard.press("1")
+    expect_view(page, 3)
+    assert actions(site) == [("1", 'say "left"'), ("2", "push left")]
 
 
 @pytest.mark.parametrize("key", ["Enter", "Space"])

@@ -7,7 +7,7 @@ import itertools
 import random
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser
@@ -17,10 +17,10 @@ from tests.browser.site import Row, Site
 from tests.browser.walker import GIVE_UP, Walker
 from tests.browser.windows import DESKTOP, PHONE, TIMEOUT_MS, watch
 from webapp.storage.exports import FileName
-from webapp.study.experiments import SATISFACTION_ITEMS, TAILORED_KINDS, Kind
+from webapp.study.experiments import BUILT_IN_KINDS, SATISFACTION_ITEMS, TAILORED_KINDS, Kind
 from webapp.study.session import Trial
 
-KINDS: tuple[Kind, ...] = get_args(Kind)
+KINDS: tuple[Kind, ...] = BUILT_IN_KINDS
 FILES: tuple[FileName, ...] = (
     "participants.csv",
     "ratings.csv",

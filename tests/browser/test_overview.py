@@ -1,4 +1,4 @@
-"""The researcher's overview stays up to date by itself, and says so when it cannot."""
+"""The dashboard stays up to date by itself, says so when it cannot, and works on any screen."""
 
 import random
 from collections.abc import Iterator
@@ -6,16 +6,19 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Page, expect
 
+from tests.browser.axe import assert_accessible
 from tests.browser.participant import Participant
-from tests.browser.researcher import sign_in
+from tests.browser.researcher import sign_in, unblind
 from tests.browser.site import Site
-from tests.browser.windows import DESKTOP, OpenContext
+from tests.browser.windows import DESKTOP, PHONE, OpenContext
 
 EVERY_MS = 5000
-CHARTS = """() => Array.from(document.querySelectorAll("canvas"), (canvas) => {
-    const { labels, datasets } = window.Chart.getChart(canvas).data;
-    return datasets.flatMap(({ label, data }) => data.map((mean, i) => [labels[i], label, mean]));
-}).flat()"""
+PAGES = ("", "people", "allocation", "quality", "results", "data", "records", "study", "preview", "accounts")
+CHART = """() => Array.from(document.querySelectorAll("tr[data-mean]"), (row) => {
+    const plot = row.querySelector("svg").getBoundingClientRect();
+    const dot = row.querySelector("circle").getBoundingClientRect();
+    return [Number(row.dataset.mean), 1 + 4 * (dot.x + dot.width / 2 - plot.x) / plot.width];
+})"""
 
 
 @pytest.fixture
@@ -41,11 +44,13 @@ def count(page: Page, name: str) -> int:
 def test_whoever_arrives_and_goes_on_is_shown_and_announced(page: Page, site: Site, open_context: OpenContext) -> None:
     expect(page.locator("[data-pulse]")).to_be_visible()
     page.evaluate("window.stays = true")
-    before = count(page, "arrived")
+    before, head = count(page, "arrived"), page.locator("[data-value=head_number]").inner_text()
     participant = arrive(site, open_context)
     page.clock.run_for(EVERY_MS)
     expect(page.locator("[data-count=arrived]")).to_have_text(str(before + 1))
     expect(page.locator("[aria-live=polite]")).to_contain_text(f"{before + 1} agreed")
+    expect(page.locator("[data-step='0'] [data-value=count]")).to_have_text(str(before + 1))
+    expect(page.locator("[data-value=head_number]")).not_to_have_text(head)
     row = page.locator("#participants tr").first
     expect(row).to_contain_text("consented")
     participant.go_on("instructions.start")
@@ -54,9 +59,22 @@ def test_whoever_arrives_and_goes_on_is_shown_and_announced(page: Page, site: Si
     expect(row).to_contain_text("1 of ")
     expect(row.get_by_role("progressbar")).to_have_js_property("value", 1)
     assert page.evaluate("window.stays")
+    row.get_by_role("link").click()
+    expect(page.locator(".timeline")).to_contain_text("agreed to take part")
+
+
+def test_a_list_of_people_stays_up_to_date_too(page: Page, site: Site, open_context: OpenContext) -> None:
+    page.goto("/researcher/people?state=consented")
+    found = page.locator("[data-value=num_found]")
+    before = int(found.inner_text())
+    arrive(site, open_context)
+    page.clock.run_for(EVERY_MS)
+    expect(found).to_have_text(str(before + 1))
+    expect(page.locator("[aria-live=polite]")).to_have_text(f"{before + 1} found")
 
 
 def test_a_server_that_does_not_answer_is_noticed_and_so_is_its_return(page: Page) -> None:
+    expect(page.locator("[data-pulse]")).to_be_visible()
     page.route("**/status.json", lambda route: route.abort())
     page.clock.run_for(EVERY_MS)
     expect(page.locator("[data-problem]")).to_contain_text("does not answer")
@@ -74,17 +92,43 @@ def test_whoever_was_signed_out_is_told(page: Page) -> None:
     expect(page.locator("[data-problem]")).to_contain_text("signed out")
 
 
-def test_the_bars_show_the_numbers_of_the_table(page: Page, site: Site, open_context: OpenContext) -> None:
+def test_the_dots_stand_where_the_numbers_of_the_table_say(page: Page, site: Site, open_context: OpenContext) -> None:
     participant = arrive(site, open_context)
     participant.go_on("instructions.start")
     participant.go_on("situation.continue")
     for item, rating in {"likeliness": 1, "loveliness": 4, "general": 5}.items():
         participant.answer(item, rating)
     participant.send()
-    expect(page.locator("canvas")).to_have_count(0)
-    page.get_by_role("button", name="Reveal the ratings").click()
-    expect(page.get_by_role("img", name="Experiment 1")).to_be_visible()
-    rows = [row.locator("td").all_inner_texts() for row in page.locator("[data-chart] tbody tr").all()]
-    drawn = [(item, kind, f"{mean:.2f}") for item, kind, mean in page.evaluate(CHARTS)]
-    assert len(rows) == 3
-    assert sorted(drawn) == sorted((item, kind, mean) for item, kind, mean, *_ in rows)
+    page.goto("/researcher/results")
+    expect(page.get_by_role("main")).to_contain_text("Arm ")
+    drawn = page.evaluate(CHART)
+    assert sorted(mean for mean, _ in drawn) == [1, 4, 5]
+    assert all(abs(mean - place) < 0.05 for mean, place in drawn)
+
+
+def test_every_page_is_accessible_and_fits_the_screen(page: Page, site: Site, open_context: OpenContext) -> None:
+    arrive(site, open_context)
+    unblind(page, site)
+    page.goto("/researcher/people")
+    person = page.locator("#participants a").first.get_attribute("href")
+    assert person is not None
+    paths = [*(f"/researcher/{name}" for name in PAGES), person, f"{person}/erase"]
+    for path in paths:
+        page.goto(path)
+        assert_accessible(page, path)
+    phone = open_context(**PHONE).new_page()
+    sign_in(phone, site)
+    for path in paths:
+        phone.goto(path)
+        width = phone.evaluate("document.documentElement.scrollWidth")
+        assert width <= PHONE["viewport"]["width"], path
+
+
+def test_a_preview_leads_through_all_pages_with_its_own_buttons(page: Page) -> None:
+    page.goto("/researcher/preview/1")
+    for number in range(1, 4):
+        expect(page.locator(".test-banner")).to_contain_text(f"page {number} of ")
+        page.locator("form.page-form button[type=submit]").click()
+    expect(page.locator(".test-banner")).to_contain_text("page 4 of ")
+    page.get_by_role("link", name="choose").click()
+    expect(page.get_by_role("heading", name="Preview")).to_be_visible()

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.browser.participant import Answered, Hand, Participant
-from tests.browser.researcher import download, sign_in
+from tests.browser.researcher import download, sign_in, unblind
 from tests.browser.site import Row, Site, read_csv, serve
 from tests.browser.windows import DESKTOP, PHONE, OpenContext
 from webapp.study.session import Trial
@@ -62,6 +62,7 @@ def outcome(site: Site, open_context: OpenContext, tmp_path_factory: pytest.Temp
         answers.append(participant.answers)
     page = open_context(accept_downloads=True).new_page()
     sign_in(page, site)
+    unblind(page, site)
     folder: Path = tmp_path_factory.mktemp("downloads")
     return Outcome(answers, download(page, "ratings.csv", folder), download(page, "participants.csv", folder))
 
@@ -132,14 +133,14 @@ def test_everybody_has_completed(outcome: Outcome) -> None:
 
 def test_the_command_line_exports_the_same_rows(outcome: Outcome, site: Site, tmp_path: Path) -> None:
     site.export_by_command(tmp_path / "data")
-    assert read_csv((tmp_path / "data/ratings.csv").read_bytes()) == outcome.ratings
-    assert read_csv((tmp_path / "data/participants.csv").read_bytes()) == outcome.participants
+    assert read_csv((tmp_path / "data/data/description-ratings_data.csv").read_bytes()) == outcome.ratings
+    assert read_csv((tmp_path / "data/data/description-participants_data.csv").read_bytes()) == outcome.participants
 
 
 def _trial(row: Row, site: Site) -> Trial:
     num_trials = len(site.catalogue.study.experiment(row["experiment"]).layouts)
     draw = int(row["draw"]) if row["draw"] else None
-    return Trial(row["experiment"], int(row["trial"]), num_trials, row["layout"], row["kind"], draw)  # type: ignore[arg-type]
+    return Trial(row["experiment"], int(row["trial"]), num_trials, row["layout"], row["kind"], draw)
 
 
 def _kinds(rows: list[Row], experiment: str) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from webapp.explainer.tie_breaking import shortest_path_actions
 from webapp.explainer.worlds.key_door import ACTIONS, tabulate
 from webapp.explainer.worlds.layout import parse_layout
 from webapp.stimuli.catalogue import CATALOGUE_FORMAT, bundle_version
+from webapp.stimuli.program import running_program
 from webapp.study.experiments import TAILORED_KINDS, Experiment, Kind
 from webapp.study.protocol import Study, parse_study
 from webapp.study.texts import parse_texts
@@ -44,7 +45,7 @@ def read_study(**changes: object) -> Study:
 
 
 def write_bundle(instance: Path, study: Study) -> str:
-    """Write a bundle and let it be the current one; return its version.
+    """Write a bundle and let it be the current and the published one; return its version.
 
     The picture of a state has the state's number, and the words `View <number>.`.
     """
@@ -67,12 +68,15 @@ def write_bundle(instance: Path, study: Study) -> str:
     (draft / "catalogue.json").write_text(json.dumps(content), encoding="utf-8")
     for layout in study.layouts:
         (draft / "tables" / f"{layout}.json").write_text(json.dumps(_table(study)), encoding="utf-8")
+    manifest = {"study": study.name, "program": running_program().to_json()}
+    (draft / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
     version = bundle_version(draft)
     if (bundles / version).exists():
         shutil.rmtree(draft)
     else:
         draft.rename(bundles / version)
-    (bundles / f"current-{study.name}").write_text(version, encoding="ascii")
+    for pointer in ("current", "published"):
+        (bundles / f"{pointer}-{study.name}").write_text(version, encoding="ascii")
     return version
 
 

@@ -1,4 +1,4 @@
-"""`xar serve`, `xar admin create`, `xar export` and `xar recruits`, each in a process of its own."""
+"""`xar serve`, `xar admin create`, `xar export`, `xar recruits`, `xar reconcile`, each in a process of its own."""
 
 import http.client
 import json
@@ -18,6 +18,7 @@ from tests.web.bundles import FILLED_IN, read_study, write_bundle
 from tests.web.reading import ask, num_rows
 from tests.web.servers import XAR, environment, run, serving
 from webapp.storage.database import open_database
+from webapp.storage.dataset import data_name
 from webapp.storage.exports import FILE_NAMES
 from webapp.study.recruitment import Recruit
 
@@ -27,7 +28,7 @@ from pathlib import Path
 from tests.web.people import Visitor
 from webapp.app import create_app
 from webapp.config import Config
-from webapp.storage.researchers import create_researcher
+from webapp.storage.accounts import create_researcher
 from webapp.views.services import services_of, utc_now
 
 app = create_app(Config(Path(sys.argv[1])))
@@ -36,8 +37,9 @@ visitor = Visitor(app)
 visitor.agree()
 visitor.walk()
 visitor.post("/researcher/sign-in", {"name": "researcher", "password": "correct horse battery"})
-visitor.post("/researcher/reveal")
-statuses = [visitor.get(path).status_code for path in ("/done", "/researcher/", "/researcher/ratings.csv")]
+visitor.post("/researcher/unblind", {"reason": "to look", "password": "correct horse battery"})
+paths = ("/done", "/researcher/", "/researcher/results", "/researcher/people", "/researcher/ratings.csv")
+statuses = [visitor.get(path).status_code for path in paths]
 print(json.dumps({"statuses": statuses, "modules": sorted({name.partition(".")[0] for name in sys.modules})}))
 """
 
@@ -61,7 +63,7 @@ def test_the_web_process_holds_no_learning_no_numerics_and_no_drawing(instance: 
         timeout=120,
     )
     found = json.loads(done.stdout)
-    assert found["statuses"] == [200, 200, 200]
+    assert found["statuses"] == [200] * 5
     heavy = {"gymnasium", "matplotlib", "minigrid", "numpy", "pandas", "PIL", "pygame", "scipy", "statsmodels", "torch"}
     assert heavy & set(found["modules"]) == set()
 
@@ -197,7 +199,7 @@ def test_a_password_that_is_piped_in_need_not_be_repeated_but_must_not_change(in
     assert (refused.returncode, refused.stdout) == (2, "")
     assert refused.stderr == "xar: the lines of standard input differ; give one password, once or twice\n"
     made = create_with("correct horse battery\n", instance)
-    assert (made.returncode, made.stdout, made.stderr) == (0, "The account 'researcher' is made.\n", "")
+    assert (made.returncode, made.stdout, made.stderr) == (0, "The account 'researcher' is made; it is an owner.\n", "")
 
 
 def create_with(entered: str, instance: Path) -> subprocess.CompletedProcess[str]:
@@ -236,18 +238,66 @@ def test_an_empty_study_name_is_refused_and_builds_nothing(instance: Path) -> No
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
 
 
-def test_an_export_writes_every_file_and_overwrites_none(instance: Path, tmp_path: Path) -> None:
+def test_an_export_writes_a_whole_data_set_and_overwrites_nothing(instance: Path, tmp_path: Path) -> None:
     missing = run(instance, "export", str(tmp_path / "data"))
     assert missing.returncode == 2
     assert missing.stderr.startswith("xar: there is no database")
     run(instance, "admin", "create", "researcher", "--generate-password")
+    with open_database(instance / "xar.sqlite3") as database:
+        enrol_somebody(database, "test")
     done = run(instance, "export", str(tmp_path / "data"))
-    assert done.returncode == 0
-    assert done.stdout == "".join(f"{tmp_path}/data/{name}: 0 rows\n" for name in FILE_NAMES)
-    assert sorted(path.name for path in (tmp_path / "data").iterdir()) == sorted(FILE_NAMES)
+    assert done.returncode == 0, done.stderr
+    num_rows = {"participants.csv": 1, "allocation.csv": 2, "wide.csv": 1}
+    assert done.stdout == "".join(
+        f"{tmp_path}/data/{data_name(name)}: {num_rows.get(name, 0)} row{'' if num_rows.get(name) == 1 else 's'}\n"
+        for name in FILE_NAMES
+    )
+    assert {path.name for path in (tmp_path / "data" / "spreadsheet").iterdir()} == set(FILE_NAMES)
     again = run(instance, "export", str(tmp_path / "data"))
     assert again.returncode == 2
-    assert again.stderr == f"xar: {tmp_path}/data/ratings.csv exists already; choose another folder\n"
+    assert again.stderr == f"xar: {tmp_path}/data exists already and is not an empty folder; choose another one\n"
+
+
+def test_an_export_holds_what_was_asked_for_alone(instance: Path, tmp_path: Path) -> None:
+    with open_database(instance / "xar.sqlite3") as database:
+        for mode in ("live", "test", "test"):
+            enrol_somebody(database, mode)
+    for number, (words, count) in enumerate(
+        (([], 3), (["--mode", "live"], 1), (["--version", "v1", "--study", "sakai2021"], 3), (["--study", "other"], 0))
+    ):
+        folder = tmp_path / str(number)
+        assert run(instance, "export", str(folder), *words).returncode == 0
+        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+        assert manifest["files"][data_name("participants.csv")]["rows"] == count
+        assert manifest["with_free_text"] is False
+    refused = run(instance, "export", str(tmp_path / "never"), "--mode", "dead")
+    assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
+    assert "'dead' is not one of" in refused.stderr
+
+
+def test_a_recruiters_list_is_compared_with_whom_it_sent(instance: Path, tmp_path: Path) -> None:
+    file = tmp_path / "list.csv"
+    file.write_text("Participant id,Status\n77,APPROVED\n78,RETURNED\n", encoding="utf-8")
+    with open_database(instance / "xar.sqlite3") as database:
+        code = enrol_somebody(database, "live", recruit=Recruit("sona", "77")).code
+    differs = run(instance, "reconcile", str(file))
+    assert (differs.returncode, differs.stderr) == (1, "")
+    assert differs.stdout == (
+        "In the file: 2; here: 1; in agreement: 0.\n\n"
+        "Paid and not complete here (1): they got paid, and did not send the last page\n"
+        f"  77 · {code} · in progress here, APPROVED\n"
+    )
+    as_json = run(instance, "reconcile", str(file), "--json")
+    assert [one["external_id"] for one in json.loads(as_json.stdout)["findings"]["paid_incomplete"]] == ["77"]
+    file.write_text("Participant id,Status\n77,RETURNED\n", encoding="utf-8")
+    agrees = run(instance, "reconcile", str(file))
+    assert (agrees.returncode, agrees.stdout) == (0, "In the file: 1; here: 1; in agreement: 1.\n")
+    file.write_text("Name\nAnn\n", encoding="utf-8")
+    refused = run(instance, "reconcile", str(file))
+    assert (refused.returncode, refused.stdout, refused.stderr.count("\n")) == (2, "", 1)
+    assert refused.stderr.startswith("xar: the file has no column of people's ids; wanted: Participant id")
+    nowhere = run(instance, "reconcile", str(tmp_path / "missing.csv"))
+    assert nowhere.stderr == f"xar: {tmp_path}/missing.csv: No such file or directory\n"
 
 
 def test_recruits_are_written_by_a_verb_of_their_own_and_overwrite_nothing(instance: Path, tmp_path: Path) -> None:

@@ -1,32 +1,28 @@
-import csv
-import io
+"""The dashboard: signing in, live numbers, the list of people, earlier versions, accounts."""
+
 import re
-from collections import defaultdict
 from collections.abc import Callable
-from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 from flask import Flask
-from werkzeug.test import TestResponse
 
 from tests.web.bundles import read_study, write_bundle
-from tests.web.people import ITEMS, SAME_SITE, Clock, Visitor
+from tests.web.people import SAME_SITE, Clock, Visitor
 from tests.web.reading import ask, num_rows
+from tests.web.researchers import LONG_AGO, NAME, PASSWORD, researcher_of, sign_in
 from webapp.config import Config
-from webapp.storage.export_columns import PARTICIPANTS_COLUMNS, RATINGS_COLUMNS
-from webapp.storage.exports import FILE_NAMES, RECRUITS
-from webapp.storage.researchers import create_researcher
+from webapp.storage.accounts import create_researcher
+from webapp.storage.exports import FILE_NAMES
 from webapp.views.services import services_of
 
-NAME, PASSWORD = "researcher", "correct horse battery"
-DOWNLOADS = (*FILE_NAMES, RECRUITS)
-CLOSED = ("/researcher/", "/researcher/status.json", *(f"/researcher/{name}" for name in DOWNLOADS))
+PAGES = ("", "people", "allocation", "quality", "results", "data", "records", "study", "preview", "accounts")
+CLOSED = ("status.json", "people.json", "dataset.zip", "consort.svg", "unblind", *PAGES, *FILE_NAMES)
 
 
 @pytest.fixture
 def stranger(app: Flask) -> Visitor:
-    create_researcher(services_of(app).database, NAME, PASSWORD, datetime(2031, 1, 1, tzinfo=UTC))
+    create_researcher(services_of(app).database, NAME, PASSWORD, LONG_AGO)
     return Visitor(app)
 
 
@@ -36,23 +32,15 @@ def researcher(stranger: Visitor) -> Visitor:
     return stranger
 
 
-def sign_in(visitor: Visitor, name: str = NAME, password: str = PASSWORD) -> TestResponse:
-    return visitor.post("/researcher/sign-in", {"name": name, "password": password})
-
-
-def rows(researcher: Visitor, name: str) -> list[dict[str, str]]:
-    answer = researcher.get(f"/researcher/{name}")
-    assert answer.status_code == 200
-    return list(csv.DictReader(io.StringIO(answer.data.decode("utf-8"), newline="")))
-
-
 def test_everything_but_signing_in_is_closed_to_strangers(stranger: Visitor, app: Flask) -> None:
     for rule in app.url_map.iter_rules():
         if rule.endpoint.startswith("researcher.") and rule.rule != "/researcher/sign-in":
-            for answer in (stranger.get(rule.rule), stranger.post(rule.rule)):
+            path = re.sub("<int:number>", "1", re.sub(r"<(code|name)>", "somebody", rule.rule))
+            for answer in (stranger.get(path), stranger.post(path)):
                 refused = answer.headers.get("Location") == "/researcher/sign-in"
-                assert refused or answer.status_code in {401, 405}
+                assert refused or answer.status_code in {401, 405}, path
     assert stranger.get("/researcher/status.json").status_code == 401
+    assert stranger.get("/researcher/people.json").status_code == 401
 
 
 def test_signing_in_opens_and_signing_out_closes(researcher: Visitor) -> None:
@@ -66,7 +54,7 @@ def test_signing_in_opens_and_signing_out_closes(researcher: Visitor) -> None:
     assert "researcher=;" in answer.headers["Set-Cookie"]
     researcher.client.set_cookie("researcher", token.value)
     for path in CLOSED:
-        assert researcher.get(path).status_code in {303, 401}
+        assert researcher.get(f"/researcher/{path}").status_code in {303, 401}
 
 
 def test_the_cookie_is_closed_and_ends_with_the_browser(stranger: Visitor) -> None:
@@ -97,22 +85,28 @@ def test_guessing_is_slowed_down_and_said(stranger: Visitor, clock: Clock) -> No
     assert sign_in(stranger).status_code == 303
 
 
-def test_an_idle_dashboard_signs_out_although_it_polls(researcher: Visitor, clock: Clock) -> None:
+@pytest.mark.parametrize("polled", ["status.json", "people.json"])
+def test_an_idle_dashboard_signs_out_although_it_polls(researcher: Visitor, clock: Clock, polled: str) -> None:
     for _ in range(31):
         clock.wait(minutes=1)
-        status = researcher.get("/researcher/status.json").status_code
+        status = researcher.get(f"/researcher/{polled}").status_code
     assert status == 401
     assert researcher.get("/researcher/").headers["Location"] == "/researcher/sign-in"
 
 
-def test_live_numbers_follow_the_participants(researcher: Visitor, app: Flask) -> None:
+def test_the_live_numbers_say_who_is_where(researcher: Visitor, app: Flask, clock: Clock) -> None:
+    answer = researcher.get("/researcher/status.json").get_json()
+    assert (answer["participants"], answer["counts"]["arrived"]) == ([], 0)
     people = [Visitor(app) for _ in range(4)]
-    for person, last in zip(people, (0, 3, 11, 1), strict=True):
+    for person in people:
         person.agree()
-        person.walk(last=last)
+    people[1].walk(1, 3)
+    people[2].walk()
+    people[3].walk(1, 1)
     people[3].post("/leave")
     answer = researcher.get("/researcher/status.json").get_json()
-    assert answer["counts"] == {"arrived": 4, "in_progress": 2, "completed": 1, "withdrawn": 1, "screened_out": 0}
+    counts = {"arrived": 4, "in_progress": 2, "stalled": 0, "completed": 1, "withdrawn": 1, "screened_out": 0}
+    assert answer["counts"] == counts | {"excluded": 0}
     assert [line["progress"] for line in answer["participants"]] == [1, 11, 3, 0]
     assert [line["state"] for line in answer["participants"]] == ["withdrawn", "completed", "in_progress", "consented"]
     assert {line["num_pages"] for line in answer["participants"]} == {11}
@@ -121,86 +115,73 @@ def test_live_numbers_follow_the_participants(researcher: Visitor, app: Flask) -
     assert sum(cell["done"] for cell in answer["cells"]) == 5 + 1
     page = researcher.get("/researcher/").text
     assert all(line["code"] in page for line in answer["participants"])
+    for _ in range(3):
+        clock.wait(minutes=25)
+        researcher.get("/researcher/")
+    assert researcher.get("/researcher/status.json").get_json()["counts"]["stalled"] == 2
 
 
-def test_ratings_are_hidden_until_revealed_and_revealing_is_logged(
-    researcher: Visitor, app: Flask, instance: Path, clock: Clock
+def test_the_end_of_the_log_stands_on_every_page(researcher: Visitor, instance: Path) -> None:
+    ((number, digest),) = ask(instance, "SELECT number, hash FROM records ORDER BY number DESC LIMIT 1")
+    for path in PAGES:
+        page = researcher.get(f"/researcher/{path}")
+        assert page.status_code == 200
+        assert f'title="{digest}"' in page.text
+    status = researcher.get("/researcher/status.json").get_json()
+    assert status["head"] == {"number": number, "hash": digest}
+
+
+def test_people_are_found_by_code_and_state_and_by_a_hundred(researcher: Visitor, app: Flask) -> None:
+    people = [Visitor(app) for _ in range(3)]
+    for person in people:
+        person.agree()
+    people[0].post("/leave")
+    codes = [line["code"] for line in researcher.get("/researcher/people.json").get_json()["participants"]]
+    assert len(codes) == 3
+    gone = researcher.get("/researcher/people.json?state=withdrawn").get_json()
+    assert ([line["code"] for line in gone["participants"]], gone["num_found"]) == ([codes[2]], 1)
+    found = researcher.get(f"/researcher/people?search={codes[1]}").text
+    assert f'href="/researcher/people/{codes[1]}"' in found
+    assert codes[0] not in found
+    assert "Nobody here yet" in researcher.get("/researcher/people?flagged=yes").text
+
+
+@pytest.mark.parametrize("query", ["state=asleep", "flagged=maybe", "page=last", "mode=dream", "version=0000"])
+def test_an_address_that_means_nothing_is_no_page(researcher: Visitor, query: str) -> None:
+    assert researcher.get(f"/researcher/people?{query}").status_code == 404
+
+
+def test_an_earlier_version_is_shown_when_chosen_and_links_stay_with_it(
+    instance: Path, start_app: Callable[[Config], Flask]
 ) -> None:
-    person = Visitor(app)
-    person.agree()
-    person.walk()
-    assert "ratings" not in researcher.get("/researcher/status.json").get_json()
-    assert "data-mean" not in researcher.get("/researcher/").text
-    before = clock.time
-    assert researcher.post("/researcher/reveal").headers["Location"] == "/researcher/"
-    means = re.findall(r'data-mean="([\d.]+)"', researcher.get("/researcher/").text)
-    assert sorted(map(float, means)) == sorted(
-        float(str(value)) for (value,) in ask(instance, "SELECT rating FROM ratings")
-    )
-    logged = ask(instance, "SELECT researcher, action, at FROM audit_log WHERE action = 'revealed'")
-    assert [entry[:2] for entry in logged] == [(NAME, "revealed")]
-    assert str(logged[0][2]) > before.strftime("%Y-%m-%d %H:%M:%S.%f")
-    researcher.post("/researcher/sign-out")
-    sign_in(researcher)
-    assert "data-mean" not in researcher.get("/researcher/").text
+    first = start_app(Config(instance))
+    Visitor(first).agree()
+    earlier = services_of(first).bundles.current.version
+    write_bundle(instance, read_study(contact="somebody@example.org"))
+    app = start_app(Config(instance))
+    visitor = researcher_of(app)
+    assert visitor.get("/researcher/status.json").get_json()["counts"]["arrived"] == 0
+    page = visitor.get(f"/researcher/?version={earlier}").text
+    assert "earlier version" in page
+    assert 'data-count="arrived">1<' in page
+    assert f'href="/researcher/results?version={earlier}"' in page
+    assert f'data-status="/researcher/status.json?version={earlier}"' in page
+    other = visitor.get("/researcher/people?mode=bot").text
+    assert 'href="/researcher/quality?mode=bot"' in other
 
 
-def test_the_csv_holds_what_was_clicked(researcher: Visitor, app: Flask) -> None:
-    person = Visitor(app)
-    person.agree()
-    clicked: dict[int, dict[str, str]] = defaultdict(dict)
-    for number in range(1, 12):
-        answers = {item: str(1 + (7 * number + place) % 5) for place, item in enumerate(ITEMS)}
-        person.answer(number, **{f"rating_{item}": value for item, value in answers.items()})
-        if number >= 3 and number % 2:
-            clicked[number] = answers
-    found = rows(researcher, "ratings.csv")
-    assert tuple(found[0]) == RATINGS_COLUMNS
-    places = [("1", "1"), ("1", "2"), ("1", "3"), ("2", "1"), ("2", "2")]
-    for (experiment, trial), answers in zip(places, clicked.values(), strict=True):
-        own = [row for row in found if (row["experiment"], row["trial"]) == (experiment, trial)]
-        assert {row["item"]: row["rating"] for row in own} == answers
-        assert {bool(row["draw"]) for row in own} == {own[0]["kind"] == "random"}
-    assert {row["mode"] for row in found} == {"test"}
-    assert {row["study_version"] for row in found} == {services_of(app).bundles.current.version}
-    (line,) = rows(researcher, "participants.csv")
-    assert tuple(line) == PARTICIPANTS_COLUMNS
-    assert line["participant"] == found[0]["participant"]
-    assert (line["num_pages_sent"], line["num_pages"]) == ("11", "11")
-    for row in found:
-        assert f"{row['experiment']}/{row['layout']}/{row['kind']}" in line["assignment"]
-
-
-def test_downloads_are_files_and_are_logged(researcher: Visitor, instance: Path) -> None:
-    for name in FILE_NAMES:
-        answer = researcher.get(f"/researcher/{name}")
-        assert answer.headers["Content-Type"] == "text/csv; charset=utf-8"
-        assert answer.headers["Content-Disposition"] == f"attachment; filename={name}"
-        assert answer.headers["Cache-Control"] == "no-store"
-        assert not answer.data.startswith(b"\xef\xbb\xbf")
-    logged = ask(instance, "SELECT detail FROM audit_log WHERE action = 'downloaded' ORDER BY id")
-    assert logged == [(name,) for name in FILE_NAMES]
-
-
-def test_every_file_is_offered_for_download(researcher: Visitor) -> None:
-    offered = re.findall(r'href="/researcher/(\S+\.csv)" download', researcher.get("/researcher/").text)
-    assert offered == list(FILE_NAMES)
-
-
-@pytest.mark.parametrize("path", ["/researcher/secrets.csv", "/researcher/.csv", "/researcher/recruits.csv"])
-def test_no_other_file_can_be_had(researcher: Visitor, instance: Path, path: str) -> None:
-    assert researcher.get(path).status_code == 404
-    assert ask(instance, "SELECT 1 FROM audit_log WHERE action = 'downloaded'") == []
-
-
-def test_a_download_that_is_never_read_to_its_end_does_not_hold_up_participants(
-    researcher: Visitor, app: Flask
+def test_data_of_a_version_whose_bundle_is_gone_are_refused_in_words(
+    instance: Path, start_app: Callable[[Config], Flask]
 ) -> None:
-    answer = researcher.client.get("/researcher/ratings.csv")
-    person = Visitor(app)
-    person.agree()
-    assert person.answer(1).status_code == 303
-    answer.close()
+    first = start_app(Config(instance))
+    Visitor(first).agree()
+    earlier = services_of(first).bundles.current.version
+    write_bundle(instance, read_study(contact="somebody@example.org"))
+    (instance / "bundles" / earlier / "catalogue.json").unlink()
+    visitor = researcher_of(start_app(Config(instance)))
+    answer = visitor.get(f"/researcher/?version={earlier}")
+    assert answer.status_code == 410
+    assert 'href="/researcher/"' in answer.text
 
 
 def test_a_participant_is_no_researcher(stranger: Visitor, instance: Path) -> None:
@@ -212,37 +193,104 @@ def test_a_participant_is_no_researcher(stranger: Visitor, instance: Path) -> No
     assert num_rows(instance, "researcher_sessions") == 0
 
 
-def test_a_foreign_page_cannot_reveal(researcher: Visitor, instance: Path) -> None:
-    answer = researcher.client.post("/researcher/reveal", headers={"Sec-Fetch-Site": "cross-site"})
-    assert answer.status_code == 403
-    assert 'href="/researcher/"' in answer.text
-    assert researcher.client.post("/researcher/reveal", headers=SAME_SITE).status_code == 303
-    assert len(ask(instance, "SELECT 1 FROM audit_log WHERE action = 'revealed'")) == 1
-
-
-@pytest.mark.parametrize("points", [5, 7])
-def test_the_means_are_shown_on_the_scale_of_the_study_file(
-    points: int, instance: Path, start_app: Callable[[Config], Flask]
-) -> None:
-    experiments = tuple(
-        experiment.model_copy(
-            update={"items": tuple(item.model_copy(update={"points": points}) for item in experiment.items)}
-        )
-        for experiment in read_study().experiments
-    )
-    write_bundle(instance, read_study(experiments=experiments))
-    app = start_app(Config(instance))
-    person = Visitor(app)
-    person.agree()
-    person.walk()
-    researcher = Visitor(app)
-    create_researcher(services_of(app).database, NAME, PASSWORD, datetime(2031, 1, 1, tzinfo=UTC))
-    sign_in(researcher)
-    researcher.post("/researcher/reveal")
-    page = researcher.get("/researcher/").text
-    assert f"From 1 to {points}." in page
-    assert page.count(f'data-highest="{points}"') == 2
-
-
 def test_nobody_is_counted_as_screened_out_where_no_quiz_can_end_the_study(researcher: Visitor) -> None:
     assert 'data-count="screened_out"' not in researcher.get("/researcher/").text
+
+
+def test_a_viewer_looks_on_and_changes_nothing(app: Flask) -> None:
+    person = Visitor(app)
+    person.agree()
+    viewer = researcher_of(app, "viewer")
+    (line,) = viewer.get("/researcher/people.json").get_json()["participants"]
+    for path in (*PAGES, f"people/{line['code']}"):
+        answer = viewer.get(f"/researcher/{path}")
+        assert answer.status_code == 200
+        posts = re.findall(r'<form[^>]*method="post"[^>]*action="([^"]+)"', answer.text)
+        harmless = {"/sign-out", "/allocation/replay", "/records/verify", "/accounts/sessions", "/preview"}
+        assert {post.removeprefix("/researcher") for post in posts} <= harmless
+        assert "unblind" not in answer.text.lower() or path == "results"
+    closed = ["unblind", "dataset.zip", "ratings.csv", "consort.svg", f"people/{line['code']}/erase"]
+    for path in closed:
+        answer = viewer.get(f"/researcher/{path}")
+        assert answer.status_code == 403
+        assert "<strong>owner</strong>" in answer.text
+    for action in ("note", "exclude", "include", "correct", "release", "restart", "link", "look", "erase"):
+        assert viewer.post(f"/researcher/people/{line['code']}/{action}", {"reason": "x"}).status_code == 403
+
+
+def test_an_admin_gives_roles_and_ends_sessions_and_nobody_else_does(app: Flask) -> None:
+    admin, owner = researcher_of(app, "admin", "ada"), researcher_of(app, "owner", "olga")
+    assert owner.post("/researcher/accounts/ada/role", {"role": "viewer"}).status_code == 403
+    assert "ada" not in owner.get("/researcher/accounts").text
+    assert 'data-account="olga"' in admin.get("/researcher/accounts").text
+    assert admin.post("/researcher/accounts/olga/role", {"role": "viewer"}).status_code == 303
+    assert "viewer: looks on" in owner.get("/researcher/accounts").text
+    assert admin.post("/researcher/accounts/olga/sessions").status_code == 303
+    assert owner.get("/researcher/").status_code == 303
+    sign_in(owner, "olga")
+    assert admin.post("/researcher/accounts/olga/close").status_code == 303
+    assert owner.get("/researcher/").status_code == 303
+    assert sign_in(owner, "olga").status_code == 422
+
+
+@pytest.mark.parametrize(
+    ("path", "form", "words"),
+    [
+        ("ada/role", {"role": "viewer"}, "another admin has to change your own account"),
+        ("ada/close", {}, "another admin has to change your own account"),
+        ("olga/role", {"role": "queen"}, "choose a role"),
+        ("nobody/sessions", {}, "there is no account"),
+    ],
+)
+def test_an_account_that_cannot_be_changed_says_why(app: Flask, path: str, form: dict[str, str], words: str) -> None:
+    admin, _ = researcher_of(app, "admin", "ada"), researcher_of(app, "owner", "olga")
+    answer = admin.post(f"/researcher/accounts/{path}", form)
+    assert answer.status_code == 422
+    assert words in answer.text
+    assert admin.get("/researcher/accounts").status_code == 200
+
+
+def test_everybody_ends_their_own_other_sessions(app: Flask) -> None:
+    here, elsewhere = researcher_of(app), Visitor(app)
+    sign_in(elsewhere)
+    page = here.get("/researcher/accounts").text
+    (session,) = re.findall(r'name="session" value="([0-9a-f]{12})"', page)
+    assert here.post("/researcher/accounts/sessions", {"session": session}).status_code == 303
+    assert elsewhere.get("/researcher/").status_code == 303
+    sign_in(elsewhere)
+    here.post("/researcher/accounts/sessions")
+    assert elsewhere.get("/researcher/").status_code == 303
+    assert here.get("/researcher/").status_code == 200
+
+
+def test_the_log_is_read_in_words_and_verified(researcher: Visitor, app: Flask) -> None:
+    person = Visitor(app)
+    person.agree()
+    person.walk(1, 2)
+    page = researcher.get("/researcher/records").text
+    assert "agreed to take part" in page
+    assert "page 2 was sent" in page
+    only = researcher.get("/researcher/records?show=accounts").text
+    assert "signed in" in only
+    assert "page 2 was sent" not in only
+    assert "as recorded" in researcher.post("/researcher/records/verify").text
+    with services_of(app).database.write() as connection:
+        connection.exec_driver_sql("UPDATE participants SET completed_at = consented_at")
+    answer = researcher.post("/researcher/records/verify").text
+    assert "Not everything is as it was recorded" in answer
+    assert researcher.get("/researcher/records?show=dreams").status_code == 404
+
+
+def test_every_draw_is_drawn_again_at_the_press_of_a_button(researcher: Visitor, app: Flask) -> None:
+    for _ in range(3):
+        Visitor(app).agree()
+    assert "All 3 draws give the same again" in researcher.post("/researcher/allocation/replay").text
+
+
+def test_a_foreign_page_cannot_unblind(researcher: Visitor, instance: Path) -> None:
+    form = {"reason": "because", "password": PASSWORD}
+    answer = researcher.client.post("/researcher/unblind", data=form, headers={"Sec-Fetch-Site": "cross-site"})
+    assert answer.status_code == 403
+    assert 'href="/researcher/"' in answer.text
+    assert ask(instance, "SELECT 1 FROM records WHERE action = 'unblinded'") == []
+    assert researcher.client.post("/researcher/unblind", data=form, headers=SAME_SITE).status_code == 303

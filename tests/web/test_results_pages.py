@@ -1,45 +1,56 @@
-"""The dashboard of a study that has everything: predictions, drives, translations, recruits."""
+"""Results and data of a study that has everything: masked arms, predictions, drives, translations, recruits."""
 
+import csv
+import io
+import json
 import re
+import zipfile
 from collections.abc import Callable
-from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 from flask import Flask
+from werkzeug.test import TestResponse
 
 from tests.unit.storage.people import DRIVING, enrol_somebody, send, walk, walk_to
-from tests.web.bundles import write_bundle
-from tests.web.people import Visitor
+from tests.web.bundles import read_study, write_bundle
+from tests.web.people import ITEMS, SAME_SITE, Visitor
 from tests.web.reading import ask
-from tests.web.test_researcher_pages import DOWNLOADS, NAME, PASSWORD, rows, sign_in
+from tests.web.researchers import NAME, PASSWORD, researcher_of, rows, sign_in, unblind
 from webapp.config import Config
+from webapp.storage.export_columns import PARTICIPANTS_COLUMNS, RATINGS_COLUMNS
 from webapp.storage.exports import FILE_NAMES, RECRUITS
 from webapp.storage.participants import Participant
-from webapp.storage.researchers import create_researcher
 from webapp.study.answers import Answer, PageContent
 from webapp.study.experiments import SATISFACTION_ITEMS
+from webapp.study.protocol import Study
 from webapp.study.recruitment import Recruit
-from webapp.study.sections import Recruitment
+from webapp.study.sections import Quality, Recruitment
 from webapp.views.services import services_of
 
-NOTHING = "\N{EN DASH}"
+KINDS = ("tailored_all", "placebic", "evenly_spaced")
+RECRUIT = Recruit("prolific", "0123456789abcdef01234567", "fedcba987654321001234567", "session12345")
+BLIND_PAGES = ("", "status.json", "people", "people.json", "allocation", "quality", "results", "data", "records")
+
+
+def study_with(*kinds: str) -> Study:
+    """A study with everything around the trials, and these kinds."""
+    (experiment,) = DRIVING.experiments
+    assert DRIVING.quiz is not None
+    return DRIVING.model_copy(
+        update={
+            "experiments": (experiment.model_copy(update={"satisfaction": True, "kinds": kinds}),),
+            "recruitment": Recruitment(service="prolific"),
+            "quiz": DRIVING.quiz.model_copy(update={"on_failure": "screen_out"}),
+            "quality": Quality(straight_lining=True, min_total_minutes=600),
+        }
+    )
 
 
 @pytest.fixture
 def driving(instance: Path, start_app: Callable[[Config], Flask]) -> Flask:
-    """An app with a study that has everything around the trials, predictions and drives."""
-    (experiment,) = DRIVING.experiments
-    changes = {
-        "experiments": (experiment.model_copy(update={"satisfaction": True}),),
-        "recruitment": Recruitment(service="prolific"),
-    }
-    assert DRIVING.quiz is not None
-    quiz = DRIVING.quiz.model_copy(update={"on_failure": "screen_out"})
-    write_bundle(instance, DRIVING.model_copy(update=changes | {"quiz": quiz}))
-    app = start_app(Config(instance, study=DRIVING.name))
-    create_researcher(services_of(app).database, NAME, PASSWORD, datetime(2031, 1, 1, tzinfo=UTC))
-    return app
+    write_bundle(instance, study_with(*KINDS))
+    return start_app(Config(instance, study=DRIVING.name))
 
 
 def take_part(app: Flask, recruit: Recruit | None = None, language: str = "en", *, fails: bool = False) -> Participant:
@@ -56,87 +67,324 @@ def take_part(app: Flask, recruit: Recruit | None = None, language: str = "en", 
     return participant
 
 
+def plain(html: str) -> str:
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", "", html)).strip()
+
+
+def table_rows(page: str, mark: str) -> dict[str, list[str]]:
+    """The cells of the rows with an attribute, by its value."""
+    found = re.findall(rf'<tr data-{mark}="([^"]+)">(.*?)</tr>', page, flags=re.DOTALL)
+    return {name: [plain(cell) for cell in re.findall(r"<td[^>]*>(.*?)</td>", row, re.DOTALL)] for name, row in found}
+
+
+def kinds_told(text: str) -> set[str]:
+    """The kinds that a page tells, in whatever writing."""
+    told = text.lower().replace("&#34;", '"')
+    return {kind for kind in KINDS for name in (kind, kind.replace("_", " "), kind.replace("_", "-")) if name in told}
+
+
+@pytest.mark.parametrize("role", ["viewer", "owner", "admin"])
+def test_nothing_tells_a_kind_to_whoever_is_blind(driving: Flask, role: str) -> None:
+    people = [take_part(driving), take_part(driving), take_part(driving, fails=True)]
+    visitor = researcher_of(driving, role)  # type: ignore[arg-type]
+    for path in (*BLIND_PAGES, *(f"people/{person.code}" for person in people)):
+        answer = visitor.get(f"/researcher/{path}")
+        assert answer.status_code == 200
+        assert kinds_told(answer.text + str(answer.headers)) == set(), path
+    for path in ("/researcher/allocation/replay", "/researcher/records/verify"):
+        assert kinds_told(visitor.post(path).text) == set()
+    for name in (*FILE_NAMES, "dataset.zip", "consort.svg"):
+        answer = visitor.get(f"/researcher/{name}")
+        assert answer.status_code == 403
+        assert kinds_told(answer.text) == set()
+
+
+def test_what_was_drawn_for_a_person_stands_on_no_page(driving: Flask) -> None:
+    person = take_part(driving)
+    visitor = researcher_of(driving)
+    for path in (f"people/{person.code}", "records", "records?show=allocation"):
+        page = visitor.get(f"/researcher/{path}").text
+        assert "a place in the study was drawn" in page
+        assert "arrangement" not in page.lower()
+        assert not re.search("Arm [A-C]", page.replace("Arms", ""))
+
+
+def test_arms_stand_in_the_order_of_their_letters_while_masked(driving: Flask) -> None:
+    take_part(driving)
+    visitor = researcher_of(driving)
+    page = visitor.get("/researcher/results").text
+    assert list(table_rows(page, "predictions")) == ["Arm A", "Arm B", "Arm C"]
+    assert list(table_rows(visitor.get("/researcher/").text, "arm")) == ["Arm A", "Arm B", "Arm C"]
+    cells = visitor.get("/researcher/status.json").get_json()["cells"]
+    assert {cell["kind"] for cell in cells} == {"Arm A", "Arm B", "Arm C"}
+
+
+def test_what_only_some_arms_have_is_left_out_while_masked(
+    instance: Path, start_app: Callable[[Config], Flask]
+) -> None:
+    write_bundle(instance, study_with("tailored_all", "placebic", "none"))
+    app = start_app(Config(instance, study=DRIVING.name))
+    take_part(app)
+    visitor = researcher_of(app)
+    masked = visitor.get("/researcher/results").text
+    assert "Left out while masked" in masked
+    assert not table_rows(masked, "before")
+    assert not table_rows(masked, "gain")
+    assert "satisfaction scale" not in masked
+    assert set(re.findall('data-item="([^"]+)"', masked)) == {"foresee"}
+    unblind(visitor)
+    shown = visitor.get("/researcher/results").text
+    assert list(table_rows(shown, "before")) == ["tailored all", "placebic", "none"]
+    assert "satisfaction scale" in shown
+    assert {"foresee", "likeliness"} <= set(re.findall('data-item="([^"]+)"', shown))
+
+
+def test_unblinding_takes_password_and_reason_and_is_on_record(driving: Flask, instance: Path) -> None:
+    take_part(driving)
+    visitor = researcher_of(driving)
+    for password, reason, words in (
+        ("wrong", "because", "the password is not right"),
+        (PASSWORD, " ", "the reason is"),
+    ):
+        answer = unblind(visitor, reason, password)
+        assert answer.status_code == 422
+        assert words in answer.text
+    assert ask(instance, "SELECT 1 FROM records WHERE action = 'unblinded'") == []
+    assert unblind(visitor, "All are paid").headers["Location"] == "/researcher/results?done=unblinded"
+    logged = ask(
+        instance,
+        "SELECT actor, mode, content FROM records JOIN record_contents USING (number) WHERE action = 'unblinded'",
+    )
+    assert logged == [(NAME, "test", '{"reason":"All are paid"}')]
+    page = visitor.get("/researcher/results").text
+    assert "You see the arms since" in page
+    assert list(table_rows(page, "predictions")) == [kind.replace("_", " ") for kind in KINDS]
+
+
+def test_guessing_the_password_while_unblinding_is_slowed_down(driving: Flask) -> None:
+    visitor = researcher_of(driving)
+    answers = [unblind(visitor, password="wrong").text for _ in range(14)]  # noqa: S106 - it is wrong
+    assert any("too many attempts" in answer for answer in answers)
+
+
+def test_unblinding_is_for_one_account_and_one_scope(driving: Flask) -> None:
+    take_part(driving)
+    visitor, other = researcher_of(driving), researcher_of(driving, name="other")
+    unblind(visitor)
+    assert kinds_told(visitor.get("/researcher/allocation").text) == set(KINDS)
+    assert kinds_told(other.get("/researcher/allocation").text) == set()
+    assert kinds_told(visitor.get("/researcher/allocation?mode=live").text) == set()
+    assert visitor.get("/researcher/ratings.csv?mode=live").status_code == 403
+    sign_in(visitor)
+    assert kinds_told(visitor.get("/researcher/allocation").text) == set(KINDS)
+
+
+def test_every_estimate_stands_with_its_interval_and_what_it_rests_on(driving: Flask) -> None:
+    take_part(driving)
+    take_part(driving)
+    visitor = researcher_of(driving)
+    unblind(visitor)
+    shown = visitor.get("/researcher/results").text
+    assert table_rows(shown, "predictions")["placebic"][:4] == ["100 %", "34 to 100", "2", "4"]
+    assert (
+        table_rows(shown, "calibration")["placebic"]
+        == ["3.00", "\N{EN DASH}", "\N{EN DASH}", "100 % n = 4"] + ["\N{EN DASH}"] * 2
+    )
+    assert table_rows(shown, "before")["tailored all"][0] == "0 %"
+    assert table_rows(shown, "before")["placebic"][0] == "\N{EN DASH}"
+    assert table_rows(shown, "gain")["tailored all"][0] == "+0"
+
+
+def test_the_means_stand_in_the_table_and_on_the_chart(driving: Flask) -> None:
+    take_part(driving)
+    visitor = researcher_of(driving)
+    page = visitor.get("/researcher/results").text
+    means = re.findall(r'data-mean="([\d.]+)"', page)
+    assert set(means) == {"3.0"}
+    assert page.count('cx="50.00%"') >= len(means)
+
+
+@pytest.mark.parametrize("points", [5, 7])
+def test_the_means_are_shown_on_the_scale_of_the_study_file(
+    points: int, instance: Path, start_app: Callable[[Config], Flask]
+) -> None:
+    experiments = tuple(
+        experiment.model_copy(
+            update={"items": tuple(item.model_copy(update={"points": points}) for item in experiment.items)}
+        )
+        for experiment in read_study().experiments
+    )
+    write_bundle(instance, read_study(experiments=experiments))
+    app = start_app(Config(instance))
+    person = Visitor(app)
+    person.agree()
+    person.walk()
+    page = researcher_of(app).get("/researcher/results").text
+    assert f"From 1 to {points}." in page
+    assert page.count(f'text-anchor="end">{points}</text>') == 2
+
+
 def test_whoever_was_screened_out_is_counted_where_the_quiz_can_end_the_study(driving: Flask) -> None:
     take_part(driving, fails=True)
     visitor = researcher_of(driving)
     counts = visitor.get("/researcher/status.json").get_json()["counts"]
-    assert counts == {"arrived": 1, "in_progress": 0, "completed": 0, "withdrawn": 0, "screened_out": 1}
+    assert (counts["arrived"], counts["screened_out"], counts["in_progress"]) == (1, 1, 0)
     page = visitor.get("/researcher/").text
     assert 'data-count="screened_out">1<' in page
     assert '<span class="state state--screened_out" data-value="state">screened out</span>' in page
 
 
-def test_predictions_and_drives_are_hidden_until_revealed(driving: Flask) -> None:
-    take_part(driving)
+def test_declared_rules_are_told_with_whom_they_flag_and_exclude_nobody(driving: Flask) -> None:
+    person = take_part(driving)
     visitor = researcher_of(driving)
-    before = visitor.get("/researcher/").text
-    marks = ("data-mean", "data-predictions", "data-calibration", "data-drives")
-    assert not [mark for mark in marks if mark in before]
-    visitor.post("/researcher/reveal")
-    shown = visitor.get("/researcher/").text
-    for mark in marks[1:]:
-        assert re.findall(rf'{mark}="(\w+)"', shown) == list(DRIVING.experiments[0].kinds)
-    assert "satisfaction scale" in shown
-    status = visitor.get("/researcher/status.json").get_json()
-    assert set(status) == {"counts", "cells", "participants", "num_elsewhere"}
-
-
-def test_every_share_and_mean_stands_with_the_count_it_rests_on(driving: Flask) -> None:
-    take_part(driving)
-    take_part(driving)
-    visitor = researcher_of(driving)
-    visitor.post("/researcher/reveal")
-    shown = visitor.get("/researcher/").text
-    rows = dict(re.findall(r'<tr (data-(?:predictions|calibration|drives)="\w+")>(.*?)</tr>', shown, flags=re.DOTALL))
-    cells = {key: [plain(cell) for cell in re.findall(r"<td[^>]*>(.*?)</td>", row)] for key, row in rows.items()}
-    assert cells['data-predictions="placebic"'] == ["100 % n = 4", "100 % n = 4", "3.00 n = 4"]
-    assert cells['data-calibration="placebic"'] == [NOTHING, NOTHING, "100 % n = 4", NOTHING, NOTHING]
-    assert cells['data-drives="tailored_all"'] == ["0 % n = 2", "0 % n = 2", "+0 n = 2", NOTHING, NOTHING]
-    assert cells['data-drives="placebic"'] == [NOTHING, "0 % n = 2", NOTHING, NOTHING, NOTHING]
-
-
-def researcher_of(app: Flask) -> Visitor:
-    visitor = Visitor(app)
-    assert sign_in(visitor).status_code == 303
-    return visitor
-
-
-def plain(html: str) -> str:
-    return re.sub(r"<[^>]+>", "", html)
+    page = visitor.get("/researcher/quality").text
+    assert table_rows(page, "rule")["straight_lining"][1:] == ["1", "1"]
+    assert "finished the study in less than 600 minutes" in page
+    assert f'href="/researcher/people/{person.code}"' in page
+    assert "never a reason by itself" in page
+    assert "Nobody is excluded" in page
 
 
 def test_unvalidated_translations_are_noted_with_their_readers(driving: Flask) -> None:
     take_part(driving, language="ja")
     take_part(driving)
     visitor = researcher_of(driving)
-    for _ in range(2):
-        notes = re.findall(r'<p class="note">(.*?)</p>', visitor.get("/researcher/").text)
+    for path in ("/researcher/", "/researcher/results"):
+        notes = re.findall(r'<p class="note">(The rating items.*?)</p>', visitor.get(path).text)
         assert [plain(note)[:79] for note in notes] == [
             "The rating items in ja are an unvalidated translation (participants: 1). Cite a"
         ]
-        visitor.post("/researcher/reveal")
 
 
-def test_who_came_from_where_is_a_download_of_its_own_and_logged(driving: Flask, instance: Path) -> None:
-    recruit = Recruit("prolific", "0123456789abcdef01234567", "fedcba987654321001234567", "session12345")
-    participant = take_part(driving, recruit)
+def test_the_csv_holds_what_was_clicked(app: Flask) -> None:
+    person = Visitor(app)
+    person.agree()
+    clicked: dict[int, dict[str, str]] = {}
+    for number in range(1, 12):
+        answers = {item: str(1 + (7 * number + place) % 5) for place, item in enumerate(ITEMS)}
+        person.answer(number, **{f"rating_{item}": value for item, value in answers.items()})
+        if number >= 3 and number % 2:
+            clicked[number] = answers
+    researcher = researcher_of(app)
+    unblind(researcher)
+    found = rows(researcher, "ratings.csv")
+    assert tuple(found[0]) == RATINGS_COLUMNS
+    places = [("1", "1"), ("1", "2"), ("1", "3"), ("2", "1"), ("2", "2")]
+    for (experiment, trial), answers in zip(places, clicked.values(), strict=True):
+        own = [row for row in found if (row["experiment"], row["trial"]) == (experiment, trial)]
+        assert {row["item"]: row["rating"] for row in own} == answers
+    assert {row["study_version"] for row in found} == {services_of(app).bundles.current.version}
+    (line,) = rows(researcher, "participants.csv")
+    assert tuple(line) == PARTICIPANTS_COLUMNS
+    assert (line["participant"], line["num_pages_sent"]) == (found[0]["participant"], "11")
+
+
+def test_downloads_are_files_and_are_on_record(driving: Flask, instance: Path) -> None:
     take_part(driving)
     visitor = researcher_of(driving)
-    page = visitor.get("/researcher/").text
-    assert re.findall(r'href="/researcher/(\S+\.csv)" download', page) == list(DOWNLOADS)
-    assert recruit.external_id not in page
-    (line,) = rows(visitor, RECRUITS)
-    assert (line["participant"], line["external_id"]) == (participant.code, recruit.external_id)
-    assert (line["external_study"], line["state"]) == (recruit.external_study, "completed")
-    logged = ask(instance, "SELECT researcher, detail FROM audit_log WHERE action = 'downloaded'")
-    assert logged == [(NAME, RECRUITS)]
+    unblind(visitor)
+    page = visitor.get("/researcher/data").text
+    offered = re.findall(r'href="/researcher/(\w+\.csv)\?own_words=no" download', page)
+    assert offered == list(FILE_NAMES)
     for name in FILE_NAMES:
-        assert recruit.external_id not in visitor.get(f"/researcher/{name}").text
+        answer = visitor.get(f"/researcher/{name}")
+        assert answer.headers["Content-Type"] == "text/csv; charset=utf-8"
+        assert answer.headers["Content-Disposition"] == f"attachment; filename={name}"
+        assert answer.headers["Cache-Control"] == "no-store"
+        assert not answer.data.startswith(b"\xef\xbb\xbf")
+    visitor.get("/researcher/answers.csv?for=spreadsheet")
+    logged = ask(
+        instance,
+        "SELECT json_extract(content, '$.file') FROM records JOIN record_contents USING (number) "
+        "WHERE action = 'downloaded' ORDER BY number",
+    )
+    assert logged == [(name,) for name in (*FILE_NAMES, "answers.csv for spreadsheets")]
+
+
+def test_the_whole_data_set_comes_as_one_archive(app: Flask) -> None:
+    person = take_part(app)
+    visitor = researcher_of(app)
+    unblind(visitor)
+    with zipfile.ZipFile(io.BytesIO(visitor.get("/researcher/dataset.zip").data)) as archive:
+        manifest = json.loads(archive.read("manifest.json"))
+        table = archive.read("data/description-ratings_data.csv").decode()
+    assert manifest["scope"]["mode"] == "test"
+    assert {row["participant"] for row in csv.DictReader(io.StringIO(table))} == {person.code}
+    flow = visitor.get("/researcher/consort.svg")
+    assert flow.mimetype == "image/svg+xml"
+    assert "analysed" in flow.text
+
+
+@pytest.mark.parametrize("path", ["/researcher/secrets.csv", "/researcher/.csv"])
+def test_no_other_file_can_be_had(app: Flask, instance: Path, path: str) -> None:
+    visitor = researcher_of(app)
+    unblind(visitor)
+    assert visitor.get(path).status_code == 404
+    assert visitor.post("/researcher/recruits.csv", {"confirm": "yes"}).status_code == 404
+    assert ask(instance, "SELECT 1 FROM records WHERE action = 'downloaded'") == []
+
+
+def test_a_download_that_is_never_read_to_its_end_does_not_hold_up_participants(app: Flask) -> None:
+    visitor = researcher_of(app)
+    unblind(visitor)
+    answer = visitor.client.get("/researcher/ratings.csv")
+    person = Visitor(app)
+    person.agree()
+    assert person.answer(1).status_code == 303
+    answer.close()
+
+
+def test_who_came_from_where_is_confirmed_and_on_record(driving: Flask, instance: Path) -> None:
+    participant = take_part(driving, RECRUIT)
+    take_part(driving)
+    visitor = researcher_of(driving)
+    page = visitor.get("/researcher/data").text
+    assert RECRUIT.external_id not in page
+    assert visitor.get("/researcher/recruits.csv").status_code in {403, 404, 405}
+    refused = visitor.post("/researcher/recruits.csv")
+    assert (refused.status_code, "confirm that you need the ids" in refused.text) == (422, True)
+    answer = visitor.post("/researcher/recruits.csv", {"confirm": "yes"})
+    (line,) = csv.DictReader(io.StringIO(answer.text, newline=""))
+    answer.close()
+    assert (line["participant"], line["external_id"]) == (participant.code, RECRUIT.external_id)
+    logged = ask(
+        instance,
+        "SELECT actor, content FROM records JOIN record_contents USING (number) WHERE action = 'downloaded'",
+    )
+    assert logged == [(NAME, f'{{"file":"{RECRUITS}"}}')]
+    unblind(visitor)
+    for name in FILE_NAMES:
+        assert RECRUIT.external_id not in visitor.get(f"/researcher/{name}").text
+
+
+def test_the_recruiters_list_is_compared(driving: Flask) -> None:
+    participant = take_part(driving, RECRUIT)
+    visitor = researcher_of(driving)
+    theirs = f"Submission id,Participant id,Status\nx,{RECRUIT.external_id},RETURNED\ny,{'a' * 24},APPROVED\n"
+    answer = send_list(visitor, theirs.encode())
+    assert answer.status_code == 200
+    assert "2 in the list, 1 here" in answer.text
+    assert "a" * 24 in answer.text
+    assert participant.code in answer.text
+    for content, words in ((b"\xff\xfe", "not in UTF-8"), (b"", "choose the recruiter")):
+        refused = send_list(visitor, content, "list.csv" if content else "")
+        assert refused.status_code == 422
+        assert words in refused.text.replace("&#39;", "'")
+    too_long = {"data": b"x" * (6 * 1024 * 1024), "content_type": "multipart/form-data; boundary=x"}
+    assert visitor.client.post("/researcher/reconcile", headers=SAME_SITE, **too_long).status_code == 413
+
+
+def send_list(visitor: Visitor, content: bytes, name: str = "list.csv") -> TestResponse:
+    form = {"list": (io.BytesIO(content), name)}
+    return visitor.client.post(
+        "/researcher/reconcile", data=form, headers=SAME_SITE, content_type="multipart/form-data"
+    )
 
 
 def test_the_files_hold_what_the_participants_did(driving: Flask) -> None:
     participant = take_part(driving)
     visitor = researcher_of(driving)
+    unblind(visitor)
     probes, drives = rows(visitor, "probes.csv"), rows(visitor, "drives.csv")
     assert {row["participant"] for row in (*probes, *drives)} == {participant.code}
     assert [row["is_correct"] for row in probes] == ["true"] * 6
@@ -149,6 +397,7 @@ def test_the_files_hold_what_the_participants_did(driving: Flask) -> None:
 
 
 def test_the_dashboard_is_english_whatever_the_browser_asks_for(driving: Flask) -> None:
+    researcher_of(driving)
     visitor = Visitor(driving)
     for path in ("/researcher/sign-in", "/researcher/"):
         page = visitor.client.get(path, headers={"Accept-Language": "ja"}).text

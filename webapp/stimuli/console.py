@@ -69,7 +69,11 @@ def render_report(built: Built) -> RenderableType:
     catalogue = built.catalogue
     summary = f"{outcome} study {catalogue.study.name}, {len(catalogue.digests)} pictures, version {catalogue.version}"
     tables = [_pictures(experiment, built.reports) for experiment in catalogue.study.experiments]
-    remarks: list[RenderableType] = [*_coinciding(built.reports), *_unvalidated(catalogue.study)]
+    remarks: list[RenderableType] = [
+        *_coinciding(built.reports),
+        *_planned(built.reports),
+        *_unvalidated(catalogue.study),
+    ]
     return Group(table, note, *tables, *remarks, summary)
 
 
@@ -96,6 +100,11 @@ def _coinciding(reports: Sequence[LayoutReport]) -> list[str]:
     if not any(kinds for report in reports for kinds in report.arms_like_subgoals.values()):
         return []
     return ["“=”: the arm happens to choose the very steps that are the subgoals, so nothing is compared there."]
+
+
+def _planned(reports: Sequence[LayoutReport]) -> list[str]:
+    planned = ", ".join(report.layout for report in reports if report.training.get("agent") == "planner")
+    return [f"{planned}: nothing was trained; the agent is the exact planner."] if planned else []
 
 
 def _unvalidated(study: Study) -> list[Text]:

@@ -3,7 +3,7 @@
 import dataclasses
 import difflib
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from webapp.stimuli.agents import Agent, Agents, BuildError, ReportProgress
@@ -18,7 +18,7 @@ WEIGHTS = "weights.safetensors"
 
 
 def learned_agents(sources: Sources, progress: ReportProgress) -> Agents:
-    """Train the agents and world models of all layouts in one batched run.
+    """Train the agents and world models of all key-door layouts in one batched run.
 
     Raises:
         StudyError: The study file overrides a training setting that does not exist, or with an impossible value.
@@ -28,7 +28,7 @@ def learned_agents(sources: Sources, progress: ReportProgress) -> Agents:
 
     study = sources.study
     settings = _settings(learning.TrainingSettings, study.learning.settings)
-    names = list(study.layouts)
+    names = list(sources.layouts)
     began = time.monotonic()
     seconds_at: dict[int, float] = {}
 
@@ -55,17 +55,28 @@ def learned_agents(sources: Sources, progress: ReportProgress) -> Agents:
     )
 
 
+def setting_problems(overrides: Mapping[str, Any]) -> Sequence[tuple[tuple[str, ...], str]]:
+    """Say what is wrong with the settings of the training in a study file, by path; loads torch if there are any."""
+    if not overrides:
+        return []
+    from webapp.explainer.learning import TrainingSettings  # noqa: PLC0415 - as above.
+
+    known = [field.name for field in dataclasses.fields(TrainingSettings)]
+    path = ("learning", "settings")
+    problems = [((*path, name), _unknown(name, known)) for name in overrides if name not in known]
+    if not problems:
+        try:
+            TrainingSettings(**overrides)
+        except (TypeError, ValueError) as error:
+            return [(path, str(error))]
+    return problems
+
+
 def _settings(kind: "type[TrainingSettings]", overrides: Mapping[str, Any]) -> "TrainingSettings":
-    known = [field.name for field in dataclasses.fields(kind)]
-    problems = [
-        f"study.toml: learning.settings.{name}: {_unknown(name, known)}" for name in overrides if name not in known
-    ]
+    problems = setting_problems(overrides)
     if problems:
-        raise StudyError(problems)
-    try:
-        return kind(**overrides)
-    except (TypeError, ValueError) as error:
-        raise StudyError([f"study.toml: learning.settings: {error}"]) from None
+        raise StudyError(f"study.toml: {'.'.join(path)}: {message}" for path, message in problems)
+    return kind(**overrides)
 
 
 def _unknown(name: str, known: list[str]) -> str:

@@ -13,11 +13,9 @@ import numpy as np
 from webapp.explainer.importance import exact_importance
 from webapp.explainer.mdp import DeterministicMDP
 from webapp.explainer.solvers import follow
-from webapp.explainer.worlds.key_door import tabulate
-from webapp.explainer.worlds.layout import Layout
 from webapp.stimuli.agents import Agent, BuildError
+from webapp.stimuli.arm_fidelity import arm_fidelities
 from webapp.stimuli.scenes import Scene, Walk
-from webapp.stimuli.sources import SHARED_TEXTS
 from webapp.study.protocol import Study
 
 _PACKAGES = ("gymnasium", "minigrid", "numpy", "pillow", "safetensors", "torch")
@@ -38,6 +36,7 @@ class LayoutReport:
         subgoals: Steps from 1.
         key_points: By experiment: the steps that answer its question.
         pictures: By experiment and kind: the fewest and the most pictures of an explanation.
+        fidelity: By experiment and kind: the lowest, mean and highest `P(reach | shown)`, see `arm_fidelity`.
         arms_like_subgoals: By experiment: the comparison arms that show exactly what the subgoals show.
         max_difference: The largest absolute difference between the importance in the agent's world and in the exact
             table, over the states of the path.
@@ -50,6 +49,7 @@ class LayoutReport:
     subgoals: Sequence[int]
     key_points: Mapping[str, Sequence[int]]
     pictures: Mapping[str, Mapping[str, Sequence[int]]]
+    fidelity: Mapping[str, Mapping[str, Sequence[float]]]
     arms_like_subgoals: Mapping[str, Sequence[str]]
     max_difference: float
     training: Mapping[str, Any]
@@ -60,14 +60,14 @@ class LayoutReport:
 
 
 def report_on(
-    study: Study, name: str, layout: Layout, agent: Agent, way: Walk, scenes: Mapping[str, Scene]
+    study: Study, name: str, exact: DeterministicMDP, agent: Agent, way: Walk, scenes: Mapping[str, Scene]
 ) -> LayoutReport:
     """Compare what was explained with the exact world.
 
     Args:
         study: The study.
         name: The layout's name.
-        layout: The map.
+        exact: The world itself.
         agent: Whose world and policy it is.
         way: Its path.
         scenes: By experiment, those of this layout.
@@ -77,7 +77,6 @@ def report_on(
             act in it and it errs.
     """
     settings = study.explanation
-    exact = tabulate(layout)
     if set(exact.states) != set(agent.world.states):
         raise BuildError(f"layout {name!r}: the world model reaches other states than the world itself")
     policy = agent.policy(exact)
@@ -95,6 +94,12 @@ def report_on(
         key_points={experiment: scene.key_points for experiment, scene in scenes.items() if scene.key_points},
         pictures={
             experiment: {kind: scene.num_pictures(kind) for kind in study.experiment(experiment).kinds}
+            for experiment, scene in scenes.items()
+        },
+        fidelity={
+            experiment: arm_fidelities(
+                scene, study.experiment(experiment).kinds, agent.world, agent.policy(agent.world), way.path
+            )
             for experiment, scene in scenes.items()
         },
         arms_like_subgoals={experiment: scene.arms_like_subgoals() for experiment, scene in scenes.items()},
@@ -144,30 +149,25 @@ def processor_type() -> str:
     return models[0] if models else platform.processor() or platform.machine()
 
 
-def inputs_digest(study_folder: Path, agents: str, shared_texts: Path = SHARED_TEXTS) -> str:
+def inputs_digest(agents: str, files: Mapping[str, bytes]) -> str:
     """Hash everything that a bundle follows from, without building it.
 
     Args:
-        study_folder: The study's files.
         agents: What the agents are made by.
-        shared_texts: The texts that all studies share.
+        files: All files that the study is built from, as `frozen_files`.
 
     Returns:
         SHA-256 in hexadecimal: of the study's files, the texts that all studies share, the code, the packages, the
         processor type.
     """
     digest = hashlib.sha256(repr((agents, sorted(made_with().items()))).encode())
-    for root, file in _inputs(study_folder, shared_texts):
-        content = hashlib.sha256(file.read_bytes()).hexdigest()
-        digest.update(f"{content}  {file.relative_to(root).as_posix()}\n".encode())
+    for name, content in sorted([*_code(), *files.items()]):
+        digest.update(f"{hashlib.sha256(content).hexdigest()}  {name}\n".encode())
     return digest.hexdigest()
 
 
-def _inputs(study_folder: Path, shared_texts: Path) -> Iterator[tuple[Path, Path]]:
+def _code() -> Iterator[tuple[str, bytes]]:
     package = Path(__file__).parents[1]
     for part in _CODE:
-        files = [file for ending in ("py", "toml") for file in (package / part).rglob(f"*.{ending}")]
-        yield from ((package, file) for file in sorted(files))
-    yield from ((shared_texts.parent, file) for file in sorted(shared_texts.glob("*.toml")))
-    files = [study_folder / "study.toml", *study_folder.glob("layouts/*.txt"), *study_folder.glob("texts/*.toml")]
-    yield from ((study_folder, file) for file in sorted(files))
+        for file in (file for ending in ("py", "toml") for file in (package / part).rglob(f"*.{ending}")):
+            yield file.relative_to(package).as_posix(), file.read_bytes()

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import get_args
 
 from webapp.explainer.explanation import Strip, kind_strips
@@ -15,8 +16,9 @@ from webapp.explainer.subgoals import subgoal_steps
 from webapp.explainer.worlds.layout import Layout
 from webapp.stimuli.agents import Agent, BuildError
 from webapp.stimuli.arms import ArmKind, arm_steps
+from webapp.stimuli.own_kinds import ExplanationTask, OwnKindFunction, OwnKindFunctions, chosen_steps, locked, read_only
 from webapp.stimuli.probes import Prediction, predictions
-from webapp.study.experiments import KEY_POINT_KINDS, TAILORED_KINDS
+from webapp.study.experiments import BUILT_IN_KINDS, KEY_POINT_KINDS, TAILORED_KINDS
 from webapp.study.protocol import Experiment, ExplanationSettings, Kind, Study
 
 
@@ -71,11 +73,12 @@ class Scene:
         sizes = [sum(len(strip.states) for strip in strips) for strips in self.explanations[kind]]
         return min(sizes), max(sizes)
 
-    def arms_like_subgoals(self) -> tuple[ArmKind, ...]:
-        """Return the comparison arms that happen to show exactly what the subgoals show, and so compare nothing."""
+    def arms_like_subgoals(self) -> tuple[Kind, ...]:
+        """Return the arms that happen to show exactly what the subgoals show, and so compare nothing."""
+        own = (kind for kind in self.explanations if kind not in BUILT_IN_KINDS)
         return tuple(
             kind
-            for kind in get_args(ArmKind)
+            for kind in (*get_args(ArmKind), *own)
             if kind in self.explanations and self.explanations[kind][0][1:] == tuple(self.pairs.values())
         )
 
@@ -98,8 +101,25 @@ def walk(layout: str, agent: Agent, settings: ExplanationSettings) -> Walk:
     return Walk(path, importance, subgoals)
 
 
-def stage(study: Study, experiment: Experiment, name: str, layout: Layout, agent: Agent, way: Walk) -> Scene:
+def stage(
+    study: Study,
+    experiment: Experiment,
+    name: str,
+    layout: Layout | None,
+    agent: Agent,
+    way: Walk,
+    own_kinds: OwnKindFunctions = MappingProxyType({}),
+) -> Scene:
     """Work out what an experiment shows of a layout.
+
+    Args:
+        study: The study.
+        experiment: The experiment.
+        name: The layout's name.
+        layout: Its map; None where a world of the study's own takes its place.
+        agent: The agent.
+        way: Its way.
+        own_kinds: The functions of the study's own kinds.
 
     Raises:
         BuildError: The question can be asked nowhere on the path, a kind has nothing to show or too little, or there
@@ -110,9 +130,10 @@ def stage(study: Study, experiment: Experiment, name: str, layout: Layout, agent
     key_points = (
         () if question is None else key_point_steps(agent.world, way.path, way.subgoals, question.route, from_step)
     )
-    situation = _Situation(study, name, agent, way, from_step, key_points)
+    situation = _Situation(study, name, agent, way, from_step, key_points, own_kinds)
     for kind in experiment.kinds:
-        if kind not in _NEEDS_NOTHING and not (key_points if kind in KEY_POINT_KINDS else situation.ahead):
+        needs = kind not in _NEEDS_NOTHING and kind not in own_kinds
+        if needs and not (key_points if kind in KEY_POINT_KINDS else situation.ahead):
             raise BuildError(f"layout {name!r}: experiment {experiment.id!r} has nothing to show as {kind!r}")
     world, policy = agent.world, agent.policy(agent.world)
     return Scene(
@@ -131,9 +152,11 @@ _NEEDS_NOTHING: frozenset[Kind] = frozenset({"full", "none"})
 """The kinds that need no subgoals; of all others these are what is shown, or say how much is."""
 
 
-def _ask(experiment: Experiment, name: str, layout: Layout, agent: Agent, way: Walk) -> Question | None:
+def _ask(experiment: Experiment, name: str, layout: Layout | None, agent: Agent, way: Walk) -> Question | None:
     if experiment.question is None:
         return None
+    if layout is None:
+        raise BuildError(f"layout {name!r} in experiment {experiment.id!r}: the questioner needs a key-door layout")
     try:
         return find_split(
             layout,
@@ -156,6 +179,7 @@ class _Situation:
     way: Walk
     from_step: int
     key_points: tuple[int, ...]
+    own_kinds: OwnKindFunctions
 
     @property
     def ahead(self) -> tuple[int, ...]:
@@ -189,6 +213,8 @@ class _Situation:
                 choices = [self.key_points[:1]]
             case "none":
                 choices = [()]
+            case _ if kind in self.own_kinds:
+                choices = [self._own(kind, self.own_kinds[kind])]
             case _:
                 raise ValueError(f"the kind {kind!r} is not made from steps chosen beforehand")
         return tuple(choices)
@@ -219,3 +245,19 @@ class _Situation:
         subgoals = tuple(step - behind for step in self.ahead)
         steps = arm_steps(kind, self.layout, world, self.agent.policy(world), left, subgoals)
         return tuple(step + behind for step in steps)
+
+    def _own(self, kind: Kind, function: OwnKindFunction) -> tuple[int, ...]:
+        behind = self.from_step - 1
+        world = self.agent.world
+        _, *pairs = self.strips(self.ahead)
+        task = ExplanationTask(
+            layout=self.layout,
+            world=read_only(world),
+            policy=locked(self.agent.policy(world)),
+            path=self.way.path.from_step(self.from_step),
+            importance=locked(self.way.importance.values[behind:]),
+            subgoals=tuple(step - behind for step in self.ahead),
+            num_pictures=sum(len(pair.states) for pair in pairs),
+            rng=stream(self.study.seed, "own kind", kind, self.layout, str(self.from_step)),
+        )
+        return tuple(step + behind for step in chosen_steps(kind, function, task))

@@ -1,15 +1,20 @@
-"""A study's folder, read and checked as a whole: the study file, its layouts, its texts."""
+"""A study's folder, read and checked as a whole: the study file, its layouts, its texts, its own kinds and worlds."""
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
+from webapp.explainer.mdp import DeterministicMDP
 from webapp.explainer.pictures.sentences import load_phrases
 from webapp.explainer.pictures.words import PHRASES, check_phrases
+from webapp.explainer.worlds.finite import own_failures
 from webapp.explainer.worlds.key_door import ACTIONS, tabulate
 from webapp.explainer.worlds.layout import Layout, LayoutError, parse_layout
+from webapp.stimuli.own_kinds import OwnKindFunction
+from webapp.stimuli.own_worlds import ShownWorld, load_world
+from webapp.stimuli.plug_ins import KINDS_GROUP, Origin, find, origin_of, study_modules
 from webapp.study.page_texts import PAGE_TEXTS
 from webapp.study.problems import StudyError, located
 from webapp.study.protocol import Study, parse_study
@@ -31,15 +36,26 @@ class Sources:
 
     Attributes:
         study: The study as declared.
-        layouts: Every layout of the study, by name, in the study's order; the goal of each can be reached.
+        layouts: Every key-door layout of the study, by name, in the study's order; the goal of each can be reached.
         texts: Every language of the study, by code, in the study's order; nothing is missing from any.
-        step_phrases: By language, the phrases that put the agent's steps into words (`pictures.sentences`).
+        step_phrases: By language, the phrases that put the agent's steps into words (`pictures.sentences`); none
+            where no layout needs them.
+        worlds: The study's own worlds, by the name of the layout whose place they take, in the study's order.
+        kinds: The functions of the study's own kinds, by name.
+        origins: Where own kinds and worlds came from, by their place in the study file, such as `kinds.turns`.
     """
 
     study: Study
     layouts: Mapping[str, Layout]
     texts: Mapping[str, Texts]
     step_phrases: Mapping[str, Mapping[str, str]]
+    worlds: Mapping[str, ShownWorld] = field(default_factory=dict)
+    kinds: Mapping[str, OwnKindFunction] = field(default_factory=dict)
+    origins: Mapping[str, Origin] = field(default_factory=dict)
+
+    def exact_table(self, layout: str) -> DeterministicMDP:
+        """Return where each action leads in a layout, whatever an agent knows of it."""
+        return self.worlds[layout].table if layout in self.worlds else tabulate(self.layouts[layout])
 
 
 def find_study(name: str) -> Path:
@@ -74,17 +90,60 @@ def read_sources(folder: Path, shared_texts: Path = SHARED_TEXTS) -> Sources:
     problems: list[str] = []
     if study.name != folder.name:
         problems.append(f"{file}: name: is {study.name!r} in the folder {folder.name!r}; use one name")
+    key_door = [name for name in study.layouts if name not in study.worlds]
     step_phrases: dict[str, Mapping[str, str]] = {}
-    for number, language in enumerate(study.languages):
+    for number, language in enumerate(study.languages if key_door else ()):
         try:
             step_phrases[language] = load_phrases(language)
         except ValueError as error:
             problems.append(located(declared, str(file), ("languages", number), str(error)))
-    layouts = _read_all(study.layouts, partial(_read_layout, folder / "layouts"), problems)
-    texts = _read_all(study.languages, partial(_read_texts, (shared_texts, folder / "texts"), study), problems)
+    tell = partial(located, declared, str(file))
+    layouts = _read_all(key_door, partial(_read_layout, folder / "layouts"), problems)
+    with study_modules(folder):
+        kinds = _load_kinds(study, folder, tell, problems)
+        worlds = _load_worlds(study, folder, tell, problems)
+    read_texts = partial(_read_texts, (shared_texts, folder / "texts"), study, worlds.values())
+    texts = _read_all(study.languages, read_texts, problems)
     if problems:
         raise StudyError(problems)
-    return Sources(study, layouts, texts, step_phrases)
+    origins = {f"kinds.{name}": origin for name, (_, origin) in kinds.items()}
+    origins |= {f"worlds.{name}": world.origin for name, world in worlds.items()}
+    functions = {name: function for name, (function, _) in kinds.items()}
+    return Sources(study, layouts, texts, step_phrases, worlds, functions, origins)
+
+
+_Tell = Callable[[Sequence[str | int], str], str]
+"""Puts a message together with its place in the study file."""
+
+
+def _load_kinds(
+    study: Study, folder: Path, tell: _Tell, problems: list[str]
+) -> dict[str, tuple[OwnKindFunction, Origin]]:
+    loaded = {}
+    for name, kind in study.kinds.items():
+        try:
+            function = find(kind.use, KINDS_GROUP, folder)
+        except ValueError as problem:
+            problems.append(tell(("kinds", name, "use"), str(problem)))
+            continue
+        if callable(function):
+            loaded[name] = (function, origin_of(kind.use, function, folder))
+        else:
+            problems.append(tell(("kinds", name, "use"), f"{kind.use!r} is {function!r}; it should be a function"))
+    return loaded
+
+
+def _load_worlds(study: Study, folder: Path, tell: _Tell, problems: list[str]) -> dict[str, ShownWorld]:
+    loaded = {}
+    for name in (layout for layout in study.layouts if layout in study.worlds):
+        if (folder / "layouts" / f"{name}.txt").exists():
+            problems.append(tell(("worlds", name), f"there is a layouts/{name}.txt too; keep one of them"))
+        try:
+            with own_failures(study.worlds[name].use, "while it was loaded"):
+                loaded[name] = load_world(name, study.worlds[name], study.languages, folder)
+        except ValueError as problem:
+            problems.append(tell(("worlds", name, "use"), str(problem)))
+    return loaded
 
 
 def phrases(texts: Texts) -> dict[str, str]:
@@ -112,10 +171,11 @@ def _read_layout(folder: Path, name: str) -> Layout:
     return layout
 
 
-def _read_texts(folders: tuple[Path, Path], study: Study, language: str) -> Texts:
+def _read_texts(folders: tuple[Path, Path], study: Study, worlds: Collection[ShownWorld], language: str) -> Texts:
     """Read a study's own texts, in the second folder, over the shared ones.
 
-    A problem is told of the file in which the text stands. What is missing is missing from the study's own.
+    A problem is told of the file in which the text stands. What is missing is missing from the study's own. What the
+    actions of the study's own worlds are called only the study itself can say: a shared text means another action.
     """
     shared_file, file = (folder / f"{language}.toml" for folder in folders)
     own = parse_texts(_read(file), language, str(file))
@@ -124,9 +184,18 @@ def _read_texts(folders: tuple[Path, Path], study: Study, language: str) -> Text
     )
     texts = Texts(language, {**shared.entries, **own.entries})
     of_study, of_all = dict[str, Wanted](), dict[str, Wanted]()
-    for key, wanted in _wanted(study, texts).items():
+    wanted_texts = _wanted(study, texts)
+    for key, wanted in wanted_texts.items():
         (of_study if _has(own, key) or not _has(shared, key) else of_all)[key] = wanted
-    problems = [*check_texts(texts, of_study, str(file)), *check_texts(texts, of_all, str(shared_file))]
+    of_worlds = {f"actions.{action}": Wanted() for world in worlds for action in world.table.actions}
+    asked = {**wanted_texts, **of_worlds}
+    unused = [key for key in own.entries if not any(key == one or key.startswith(f"{one}.") for one in asked)]
+    problems = [
+        *check_texts(texts, of_study, str(file), _read(file), unused),
+        *check_texts(texts, of_all, str(shared_file), _read(shared_file) if of_all else ""),
+    ]
+    names = check_texts(own, of_worlds, str(file), _read(file), unused)
+    problems += [problem for problem in names if problem not in problems]
     if problems:
         raise StudyError(problems)
     try:

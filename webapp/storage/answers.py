@@ -1,27 +1,19 @@
 """What participants send: pages with everything on them, and the steps of a drive. Each is one transaction."""
 
-from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import replace
 from datetime import datetime
 from typing import Literal
 
-from sqlalchemy import Connection, func, insert, select, update
+from sqlalchemy import Connection, select
 
+from webapp.storage.answer_rows import insert_answers, insert_page, insert_step, touch
+from webapp.storage.contents import attempt_rows, page_rows, step_rows
 from webapp.storage.database import Database
 from webapp.storage.participants import Participant, read_participant
-from webapp.storage.tables import (
-    answers,
-    drive_steps,
-    drives,
-    events,
-    pages,
-    participants,
-    predictions,
-    ratings,
-    trials,
-)
-from webapp.study.answers import Answer, DriveResult, DriveStep, Event, PageContent, Prediction
-from webapp.study.questionnaire import Ratings
+from webapp.storage.records import PARTICIPANT, Entry, append
+from webapp.storage.restarts import latest_restart, num_attempts_since, num_steps_since
+from webapp.storage.tables import answers, drive_steps
+from webapp.study.answers import Answer, DriveStep, PageContent
 from webapp.study.session import DRIVEN, Decision, Page, decide
 
 Outcome = Decision | Literal["ended"]
@@ -56,15 +48,20 @@ def store_page(
         fresh, outcome = _decide(connection, participant, page)
         if fresh is None or outcome != "accept":
             return outcome
-        if content.answers and content.attempt != _num_attempts(connection, fresh.id, page.number) + 1:
+        restart = latest_restart(connection, fresh.id, page.number)
+        if content.answers and content.attempt != num_attempts_since(connection, restart) + 1:
             return "already_answered"
-        if content.drive and content.drive.num_steps != _num_steps(connection, fresh.id, page.number):
+        if content.drive and content.drive.num_steps != num_steps_since(connection, restart):
             return "already_answered"  # An action that came from another window in between stands.
-        _insert_answers(connection, fresh.id, page, content, now)
+        attempt = restart.after_attempt + content.attempt if content.answers else None
+        if attempt is not None:
+            insert_answers(connection, fresh.id, page, content, attempt, now)
         if content.is_final:
-            _insert_page(connection, fresh, page, nonce, content, now)
-        else:
-            _touch(connection, fresh.id, last_seen_at=now)
+            _end_page(connection, fresh, page, nonce, content, attempt, now)
+        elif attempt is not None:
+            touch(connection, fresh, now)
+            rows = attempt_rows(connection, fresh.id, page.number, attempt)
+            _record(connection, fresh, page, Entry(now, PARTICIPANT, "attempted", part=attempt, rows=rows))
     return "accept"
 
 
@@ -97,29 +94,32 @@ def store_last_step(
 
 
 def drive_actions(database: Database, participant: Participant, page_number: int) -> tuple[str, ...]:
-    """Return the actions that are stored of a drive, in order."""
-    query = (
-        select(drive_steps.c.action)
-        .where(drive_steps.c.participant_id == participant.id, drive_steps.c.page_number == page_number)
-        .order_by(drive_steps.c.number)
-    )
+    """Return the actions that are stored of a drive since it was begun last, in order."""
     with database.read() as connection:
-        return tuple(connection.execute(query).scalars())
+        restart = latest_restart(connection, participant.id, page_number)
+        query = select(drive_steps.c.action).where(
+            drive_steps.c.participant_id == participant.id,
+            drive_steps.c.page_number == page_number,
+            drive_steps.c.number > restart.after_step,
+        )
+        return tuple(connection.execute(query.order_by(drive_steps.c.number)).scalars())
 
 
 def num_attempts(database: Database, participant: Participant, page_number: int) -> int:
-    """Return how often the questions of a page were answered so far."""
+    """Return how often the questions of a page were answered since it was begun last."""
     with database.read() as connection:
-        return _num_attempts(connection, participant.id, page_number)
+        return num_attempts_since(connection, latest_restart(connection, participant.id, page_number))
 
 
 def last_answers(database: Database, participant: Participant, page_number: int) -> dict[str, Answer]:
     """Return by question the answers of the latest attempt at a page; none if there was no attempt."""
     with database.read() as connection:
+        restart = latest_restart(connection, participant.id, page_number)
+        latest = num_attempts_since(connection, restart)
         query = select(answers.c.question, answers.c.answer, answers.c.is_correct).where(
             answers.c.participant_id == participant.id,
             answers.c.page_number == page_number,
-            answers.c.attempt == _num_attempts(connection, participant.id, page_number),
+            answers.c.attempt == (restart.after_attempt + latest if latest else 0),
         )
         return {row.question: Answer(*row) for row in connection.execute(query)}
 
@@ -136,10 +136,45 @@ def _store_step(
         fresh, outcome = _decide(connection, participant, page)
         if fresh is None or outcome != "accept":
             return outcome
-        outcome = _insert_step(connection, fresh.id, page, step, now)
-        if outcome == "accept" and ending is not None:
-            _insert_page(connection, fresh, page, *ending, now)
-        return outcome
+        restart = latest_restart(connection, fresh.id, page.number)
+        stored = num_steps_since(connection, restart)
+        if step.number != stored + 1:
+            return "already_answered" if step.number <= stored else "too_early"
+        number = restart.after_step + step.number
+        insert_step(connection, fresh.id, page, step, number, now)
+        rows = step_rows(connection, fresh.id, page.number, number)
+        _record(connection, fresh, page, Entry(now, PARTICIPANT, "acted", part=number, rows=rows))
+        if ending is None:
+            touch(connection, fresh, now)
+        else:
+            _end_page(connection, fresh, page, *ending, None, now)
+        return "accept"
+
+
+def _end_page(
+    connection: Connection,
+    participant: Participant,
+    page: Page,
+    nonce: str,
+    content: PageContent,
+    attempt: int | None,
+    now: datetime,
+) -> None:
+    insert_page(connection, participant, page, nonce, content, now)
+    is_last = page.number == participant.num_pages and not content.screens_out
+    touch(
+        connection,
+        participant,
+        now,
+        completed_at=now if is_last else None,
+        screened_out_at=now if content.screens_out else None,
+    )
+    rows = page_rows(connection, participant.id, page.number, attempt)
+    _record(connection, participant, page, Entry(now, PARTICIPANT, "sent", part=attempt, rows=rows))
+
+
+def _record(connection: Connection, participant: Participant, page: Page, entry: Entry) -> None:
+    append(connection, replace(entry, scope=participant.scope, subject=participant.subject, page=page.number))
 
 
 def _check(page: Page, content: PageContent) -> None:
@@ -156,116 +191,3 @@ def _decide(connection: Connection, participant: Participant, page: Page) -> tup
     if fresh is None or fresh.was_ended_early:
         return None, "ended"
     return fresh, decide(page.number, fresh.num_stored, fresh.num_pages)
-
-
-def _insert_step(connection: Connection, participant_id: int, page: Page, step: DriveStep, now: datetime) -> Outcome:
-    stored = _num_steps(connection, participant_id, page.number)
-    if step.number != stored + 1:
-        return "already_answered" if step.number <= stored else "too_early"
-    row = {name: getattr(step, name) for name in DriveStep.__slots__}
-    of_page = {"participant_id": participant_id, "page_number": page.number, "page_kind": page.kind}
-    number = _trial_number(connection, participant_id, page)
-    connection.execute(insert(drive_steps).values(**of_page, **row, trial_number=number, received_at=now))
-    _touch(connection, participant_id, last_seen_at=now)
-    return "accept"
-
-
-def _num_steps(connection: Connection, participant_id: int, page_number: int) -> int:
-    query = select(func.count()).where(
-        drive_steps.c.participant_id == participant_id, drive_steps.c.page_number == page_number
-    )
-    return connection.execute(query).scalar_one()
-
-
-def _insert_page(
-    connection: Connection, participant: Participant, page: Page, nonce: str, content: PageContent, now: datetime
-) -> None:
-    number = _trial_number(connection, participant.id, page)
-    row = {"participant_id": participant.id, "number": page.number, "kind": page.kind, "trial_number": number}
-    connection.execute(insert(pages).values(**row, nonce=nonce, submitted_at=now))
-    key = {"participant_id": participant.id, "page_number": page.number}
-    for table, rows in (
-        (ratings, _rating_rows(content.ratings)),
-        (predictions, _rows(content.predictions, Prediction)),
-        (drives, _drive_rows(content.drive)),
-        (events, _event_rows(content.events, page)),
-    ):
-        if rows:
-            connection.execute(insert(table), [key | values for values in rows])
-    is_last = page.number == participant.num_pages and not content.screens_out
-    _touch(
-        connection,
-        participant.id,
-        last_seen_at=now,
-        completed_at=now if is_last else None,
-        screened_out_at=now if content.screens_out else None,
-    )
-
-
-def _trial_number(connection: Connection, participant_id: int, page: Page) -> int | None:
-    if page.trial is None:
-        return None
-    query = select(trials.c.number).where(
-        trials.c.participant_id == participant_id,
-        trials.c.experiment == page.trial.experiment,
-        trials.c.position == page.trial.position,
-    )
-    return int(connection.execute(query).scalar_one())
-
-
-def _insert_answers(
-    connection: Connection, participant_id: int, page: Page, content: PageContent, now: datetime
-) -> None:
-    if not content.answers:
-        return
-    purpose = {"background": "background", "quiz": "quiz"}.get(page.kind, "attention")
-    key = {"participant_id": participant_id, "page_number": page.number, "attempt": content.attempt}
-    rows = [key | row | {"purpose": purpose, "submitted_at": now} for row in _rows(content.answers, Answer)]
-    connection.execute(insert(answers), rows)
-
-
-def _num_attempts(connection: Connection, participant_id: int, page_number: int) -> int:
-    query = select(func.max(answers.c.attempt)).where(
-        answers.c.participant_id == participant_id, answers.c.page_number == page_number
-    )
-    return connection.execute(query).scalar_one() or 0
-
-
-def _touch(connection: Connection, participant_id: int, **changes: datetime | None) -> None:
-    connection.execute(update(participants).where(participants.c.id == participant_id).values(changes))
-
-
-def _rows(entries: Sequence[Answer] | Sequence[Prediction], kind: type[Answer | Prediction]) -> list[dict[str, object]]:
-    return [{field.name: getattr(entry, field.name) for field in fields(kind)} for entry in entries]
-
-
-def _rating_rows(given: Ratings | None) -> list[dict[str, object]]:
-    if given is None:
-        return []
-    return [
-        {"item": item, "rating": rating, "response_time_ms": given.response_times[item]}
-        for item, rating in given.values.items()
-    ]
-
-
-def _drive_rows(result: DriveResult | None) -> list[dict[str, object]]:
-    if result is None:
-        return []
-    row = {field.name: getattr(result, field.name) for field in fields(DriveResult)}
-    lists = {name: " ".join(map(str, row[name])) for name in ("subgoals_passed", "key_points")}
-    return [row | lists]
-
-
-def _event_rows(entries: Sequence[Event], page: Page) -> list[dict[str, object]]:
-    """Return a log to store; on the page of background questions without what was answered and taken back again."""
-    is_private = page.kind == "background"
-    return [
-        {
-            "number": number,
-            "event": entry.name,
-            "target": entry.target,
-            "value": "" if is_private else entry.value,
-            "at_ms": entry.at_ms,
-        }
-        for number, entry in enumerate(entries, start=1)
-    ]

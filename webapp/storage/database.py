@@ -125,6 +125,16 @@ class Database:
             connection.exec_driver_sql("CREATE TABLE health_check (id INTEGER)")
             connection.rollback()
 
+    def forget(self) -> None:
+        """Let nothing of erased rows stay behind on disk.
+
+        The journal is emptied into the database, whose freed pages are overwritten with zeros (`secure_delete`).
+        """
+        with self._write_lock, self._writer.connect() as connection:
+            driver = connection.connection.driver_connection
+            assert isinstance(driver, sqlite3.Connection)  # noqa: S101 - for the type checker
+            driver.execute("PRAGMA wal_checkpoint(TRUNCATE)").close()
+
     def close(self) -> None:
         """Close every connection."""
         self._readers.dispose()

@@ -1,22 +1,24 @@
 """A consent: the participant, where they come from, and everything that is drawn for them, in one transaction."""
 
-import random
 import secrets
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import cast
 
-from sqlalchemy import Connection, func, insert, select
+from sqlalchemy import Connection, insert, select
 
+from webapp.storage.contents import consent_rows
 from webapp.storage.database import Database
-from webapp.storage.participants import Mode, Participant, read_participant
+from webapp.storage.ledger import allocate, release_abandoned, taken_slots
+from webapp.storage.participants import Participant, read_participant
+from webapp.storage.records import PARTICIPANT, SYSTEM, Entry, append
+from webapp.storage.scope import Mode, Scope
 from webapp.storage.tables import arrangements, participants, recruits, trials
-from webapp.study.counterbalancing import arrangements as all_arrangements
-from webapp.study.counterbalancing import choose_cell, layout_orders
-from webapp.study.protocol import Experiment, Study
+from webapp.study.draws import Draws
+from webapp.study.protocol import Study
 from webapp.study.recruitment import Recruit
-from webapp.study.session import Assignment, Trial, plan_trials
+from webapp.study.session import Assignment, Trial
 from webapp.study.session import pages as all_pages
 
 _CODE_ALPHABET = "23456789abcdefghjkmnpqrstvwxyz"
@@ -25,6 +27,10 @@ _CODE_LENGTH = 10
 
 class AlreadyTookPartError(RuntimeError):
     """Somebody whom the recruiter sent takes part already, or has taken part."""
+
+
+class StudyFullError(RuntimeError):
+    """As many take part as the study file's quota allows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,12 +55,18 @@ class Enrolment:
     guardian_agreed: bool | None = None
     recruit: Recruit | None = None
 
+    @property
+    def scope(self) -> Scope:
+        """To which data the participant will belong."""
+        return Scope(self.study.name, self.study_version, self.mode)
+
 
 def enrol(database: Database, enrolment: Enrolment, now: datetime) -> Participant:
     """Store a consent together with the participant's arrangements and trials.
 
     The arrangements are chosen among the least used of the same study version and mode, in the transaction that
-    stores them, so that no number of simultaneous arrivals can unbalance them. The same token enrols once.
+    stores them, so that no number of simultaneous arrivals can unbalance them. Places of those who left, were screened
+    out or gave no sign of life for longer than the study's lease count no more. The same token enrols once.
 
     Args:
         database: Where to store.
@@ -63,25 +75,29 @@ def enrol(database: Database, enrolment: Enrolment, now: datetime) -> Participan
 
     Raises:
         AlreadyTookPartError: Whom the recruiter sent is enrolled already, under another token.
+        StudyFullError: No place is left.
     """
-    chooser = secrets.SystemRandom()
     with database.write() as connection:
         known = read_participant(connection, enrolment.token_hash)
         if known is not None:
             return known
         _refuse_a_second_time(connection, enrolment)
-        chosen = {
-            experiment.id: _choose(connection, enrolment, experiment, chooser)
-            for experiment in enrolment.study.experiments
-        }
-        planned = _plan(enrolment.study, chosen, chooser)
-        num_pages = len(all_pages(enrolment.study, planned))
+        release_abandoned(connection, enrolment.scope, enrolment.study.lease_minutes, now)
+        _refuse_beyond_quota(connection, enrolment)
+        allocation = allocate(connection, enrolment.study, enrolment.scope, Draws(secrets.token_hex(32)))
+        num_pages = len(all_pages(enrolment.study, allocation.trials))
         participant_id = _insert_participant(connection, enrolment, num_pages, now)
         _insert_recruit(connection, enrolment, participant_id)
-        connection.execute(insert(arrangements), _arrangement_rows(participant_id, chosen))
-        connection.execute(insert(trials), _trial_rows(participant_id, planned))
+        connection.execute(insert(arrangements), _arrangement_rows(participant_id, allocation.chosen))
+        connection.execute(insert(trials), _trial_rows(participant_id, allocation.trials))
         stored = read_participant(connection, enrolment.token_hash)
-    assert stored is not None  # noqa: S101 - for the type checker: it was inserted just now
+        assert stored is not None  # noqa: S101 - for the type checker: it was inserted just now
+        drawn = Entry(now, SYSTEM, "allocated", enrolment.scope, stored.subject, content=allocation.content)
+        agreed = Entry(
+            now, PARTICIPANT, "consented", enrolment.scope, stored.subject, rows=consent_rows(connection, stored.id)
+        )
+        append(connection, drawn)
+        append(connection, agreed)
     return stored
 
 
@@ -108,26 +124,10 @@ def _refuse_a_second_time(connection: Connection, enrolment: Enrolment) -> None:
         raise AlreadyTookPartError("whom the recruiter sent takes part already")
 
 
-def _choose(connection: Connection, enrolment: Enrolment, experiment: Experiment, chooser: random.Random) -> Assignment:
-    """Choose among the least used; how often each was given out is counted within the transaction."""
-    query = (
-        select(arrangements.c.arrangement, arrangements.c.layout_order, func.count())
-        .join(participants)
-        .where(
-            participants.c.study == enrolment.study.name,
-            participants.c.study_version == enrolment.study_version,
-            participants.c.mode == enrolment.mode,
-            arrangements.c.experiment == experiment.id,
-        )
-        .group_by(arrangements.c.arrangement, arrangements.c.layout_order)
-    )
-    uses = {(arrangement, order): count for arrangement, order, count in connection.execute(query)}
-    sizes = len(all_arrangements(experiment)), len(layout_orders(experiment))
-    return Assignment(*choose_cell(uses, *sizes, chooser))
-
-
-def _plan(study: Study, chosen: Mapping[str, Assignment], chooser: random.Random) -> tuple[Trial, ...]:
-    return plan_trials(study, chosen, draw=lambda: chooser.randrange(study.explanation.num_draws))
+def _refuse_beyond_quota(connection: Connection, enrolment: Enrolment) -> None:
+    quota = enrolment.study.quota
+    if enrolment.mode == "live" and quota is not None and taken_slots(connection, enrolment.scope) >= quota:
+        raise StudyFullError(f"{quota} places are taken, as many as there are")
 
 
 def _insert_participant(connection: Connection, enrolment: Enrolment, num_pages: int, now: datetime) -> int:
@@ -145,6 +145,7 @@ def _insert_participant(connection: Connection, enrolment: Enrolment, num_pages:
             num_pages=num_pages,
             consented_at=now,
             last_seen_at=now,
+            salt=secrets.token_hex(16),
         )
     )
     assert result.inserted_primary_key is not None  # noqa: S101 - for the type checker: an insert of one row

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 _KEY_BYTES = 32
+_LOCK = "server.lock"
 
 
 class InstanceError(RuntimeError):
@@ -82,7 +83,7 @@ def only_server(folder: Path) -> Iterator[None]:
     Raises:
         InstanceError: Another server runs on this instance, or the lock cannot be opened.
     """
-    path = folder / "server.lock"
+    path = folder / _LOCK
     try:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
     except OSError as error:
@@ -94,6 +95,28 @@ def only_server(folder: Path) -> Iterator[None]:
             raise InstanceError(
                 f"another server is running on the instance {folder}; stop it, or set XAR_INSTANCE to another folder"
             ) from None
+        os.ftruncate(descriptor, 0)
         yield
     finally:
         os.close(descriptor)
+
+
+def note_address(folder: Path, address: str) -> None:
+    """Note where the server of an instance can be reached, for programs on this machine."""
+    (folder / _LOCK).write_text(f"{address}\n", encoding="utf-8")
+
+
+def running_server(folder: Path) -> str | None:
+    """Return where the server of an instance can be reached, or None if none runs, or it does not listen yet."""
+    path = folder / _LOCK
+    try:
+        descriptor = os.open(path, os.O_RDWR)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return path.read_text(encoding="utf-8").strip() or None
+    finally:
+        os.close(descriptor)
+    return None

@@ -3,17 +3,16 @@
 import hashlib
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Literal, cast
+from typing import cast
 
-from sqlalchemy import Connection, RowMapping, func, select, update
+from sqlalchemy import ColumnElement, Connection, RowMapping, func, or_, select, update
 
 from webapp.storage.database import Database
-from webapp.storage.tables import pages, participants, trials
+from webapp.storage.records import PARTICIPANT, Entry, Subject, append
+from webapp.storage.scope import Mode, Scope
+from webapp.storage.tables import pages, participant_tokens, participants, trials
 from webapp.study.experiments import Kind
 from webapp.study.session import Trial
-
-Mode = Literal["live", "test", "bot"]
-"""Who takes part: people whose answers are data, somebody trying the study out, or a program."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +32,8 @@ class Participant:
         completed_at: When the last page was stored; None before.
         withdrawn_at: When the participant left for good; None for everyone else.
         screened_out_at: When the quiz ended the study; None for everyone else.
+        salt: A random number of this participant's own, for what the log holds of them.
+        slot_released_at: When the place in the study was given back; None while it counts.
     """
 
     id: int
@@ -47,6 +48,18 @@ class Participant:
     completed_at: datetime | None
     withdrawn_at: datetime | None
     screened_out_at: datetime | None
+    salt: str
+    slot_released_at: datetime | None
+
+    @property
+    def scope(self) -> Scope:
+        """To which data the participant belongs."""
+        return Scope(self.study, self.study_version, self.mode)
+
+    @property
+    def subject(self) -> Subject:
+        """What records need to know."""
+        return Subject(self.id, self.code, self.salt)
 
     @property
     def was_ended_early(self) -> bool:
@@ -65,17 +78,28 @@ def hash_token(token: str) -> str:
 
 
 def find_participant(database: Database, token_hash: str) -> Participant | None:
-    """Return the participant whose cookie holds the token of this hash, or None."""
+    """Return the participant whose cookie, or link made by a researcher, holds the token of this hash, or None."""
     with database.read() as connection:
         return read_participant(connection, token_hash)
 
 
 def read_participant(connection: Connection, token_hash: str) -> Participant | None:
     """Return the same within a transaction."""
+    linked = select(participant_tokens.c.participant_id).where(participant_tokens.c.token_hash == token_hash)
+    theirs = or_(participants.c.token_hash == token_hash, participants.c.id == linked.scalar_subquery())
+    return _read(connection, theirs)
+
+
+def read_by_code(connection: Connection, code: str) -> Participant | None:
+    """Return the participant of a public code, or None."""
+    return _read(connection, participants.c.code == code)
+
+
+def _read(connection: Connection, condition: ColumnElement[bool]) -> Participant | None:
     num_stored = (
         select(func.count()).select_from(pages).where(pages.c.participant_id == participants.c.id).scalar_subquery()
     )
-    query = select(participants, num_stored.label("num_stored")).where(participants.c.token_hash == token_hash)
+    query = select(participants, num_stored.label("num_stored")).where(condition)
     row = connection.execute(query).mappings().one_or_none()
     return None if row is None else Participant(**{name: row[name] for name in Participant.__slots__})
 
@@ -91,7 +115,7 @@ def withdraw(database: Database, participant: Participant, now: datetime) -> Non
     """Note that a participant left for good; for whom the study is over already, nothing changes."""
     changes = {"withdrawn_at": now, "last_seen_at": now}
     with database.write() as connection:
-        connection.execute(
+        result = connection.execute(
             update(participants)
             .where(
                 participants.c.id == participant.id,
@@ -101,6 +125,8 @@ def withdraw(database: Database, participant: Participant, now: datetime) -> Non
             )
             .values(changes)
         )
+        if result.rowcount:
+            append(connection, Entry(now, PARTICIPANT, "withdrew", participant.scope, participant.subject))
 
 
 def _trial(row: RowMapping) -> Trial:

@@ -1,4 +1,4 @@
-"""Accounts of researchers, their sessions on the dashboard, and the throttle that slows down guessing."""
+"""Signing in: sessions of researchers, and the throttle that slows down guessing; `storage.accounts` makes accounts."""
 
 import functools
 import hashlib
@@ -6,20 +6,23 @@ import secrets
 import threading
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from typing import Literal, get_args
 
 from argon2 import PasswordHasher, Type
 from argon2.exceptions import InvalidHashError, VerificationError
-from sqlalchemy import Connection, delete, func, insert, select, update
+from sqlalchemy import Connection, delete, insert, select, update
 from sqlalchemy.dialects.sqlite import insert as upsert
 
-from webapp.storage.audit import AuditEntry, log_action
 from webapp.storage.database import Database
 from webapp.storage.participants import hash_token
+from webapp.storage.records import Entry, append
 from webapp.storage.tables import researcher_sessions, researchers, sign_in_attempts
 
-MIN_PASSWORD_LENGTH = 12
-MAX_PASSWORD_LENGTH = 1024
-MAX_NAME_LENGTH = 64
+Role = Literal["viewer", "owner", "admin"]
+"""What an account may do: look on while the arms are masked; do everything with the study; manage accounts too."""
+
+ROLES: tuple[Role, ...] = get_args(Role)
+"""Each may do what those before it may."""
 
 IDLE_LIMIT = timedelta(minutes=30)
 ABSOLUTE_LIMIT = timedelta(hours=12)
@@ -33,14 +36,6 @@ _FORGET_AFTER = timedelta(days=1)
 _HASHER = PasswordHasher(time_cost=2, memory_cost=19 * 1024, parallelism=1, type=Type.ID)
 # A password hash takes 19 MiB and 50 ms: many sign-ins at once must not starve the participants.
 _HASHES_AT_ONCE = threading.BoundedSemaphore(2)
-
-
-class AccountError(ValueError):
-    """An account that cannot be made; the message says why."""
-
-
-class AccountExistsError(AccountError):
-    """There is an account of this name already."""
 
 
 class TooManyAttemptsError(RuntimeError):
@@ -61,48 +56,17 @@ class ResearcherSession:
 
     Attributes:
         name: The name of the account.
+        role: What the account may do.
         token_hash: SHA-256 of the cookie's token, in hexadecimal.
-        revealed_at: When the ratings were revealed in this session; None while they are hidden.
     """
 
     name: str
+    role: Role
     token_hash: str
-    revealed_at: datetime | None
 
-
-def check_name(name: str) -> None:
-    """Make sure that a name can be that of an account.
-
-    Raises:
-        AccountError: It cannot; the message says what can.
-    """
-    if not name or len(name) > MAX_NAME_LENGTH or not name.isprintable() or name != name.strip():
-        raise AccountError(f"{name!r} cannot be a name; use 1 to {MAX_NAME_LENGTH} characters, no blanks at the ends")
-
-
-def create_researcher(database: Database, name: str, password: str, now: datetime) -> None:
-    """Make an account.
-
-    Raises:
-        AccountExistsError: There is one of this name.
-        AccountError: The name or the password cannot be used.
-    """
-    check_name(name)
-    if not MIN_PASSWORD_LENGTH <= len(password) <= MAX_PASSWORD_LENGTH:
-        raise AccountError(f"a password needs at least {MIN_PASSWORD_LENGTH} characters, not {len(password)}")
-    hashed = _HASHER.hash(password)
-    with database.write() as connection:
-        if connection.execute(select(researchers.c.id).where(researchers.c.name == name)).one_or_none():
-            raise AccountExistsError(f"there is an account {name!r} already")
-        connection.execute(insert(researchers).values(name=name, password_hash=hashed, created_at=now))
-        log_action(connection, AuditEntry(now, name, "created", None))
-
-
-def has_researcher(database: Database, name: str) -> bool:
-    """Tell whether there is an account of this name."""
-    with database.read() as connection:
-        query = select(func.count()).select_from(researchers).where(researchers.c.name == name)
-        return connection.execute(query).scalar_one() > 0
+    def may(self, role: Role) -> bool:
+        """Tell whether the account may do what a role may: each may do what the lower ones may."""
+        return ROLES.index(self.role) >= ROLES.index(role)
 
 
 def sign_in(database: Database, name: str, password: str, now: datetime) -> str | None:
@@ -120,7 +84,9 @@ def sign_in(database: Database, name: str, password: str, now: datetime) -> str 
     with database.write() as connection:
         _count_attempt(connection, name_hash, now)
         account = connection.execute(
-            select(researchers.c.id, researchers.c.password_hash).where(researchers.c.name == name)
+            select(researchers.c.id, researchers.c.password_hash).where(
+                researchers.c.name == name, researchers.c.disabled_at.is_(None)
+            )
         ).one_or_none()
     right = _verify(_nobodys_hash() if account is None else account.password_hash, password)
     if account is None or not right:
@@ -131,7 +97,7 @@ def sign_in(database: Database, name: str, password: str, now: datetime) -> str 
         connection.execute(delete(sign_in_attempts).where(sign_in_attempts.c.name_hash == name_hash))
         connection.execute(delete(researcher_sessions).where(researcher_sessions.c.created_at < now - ABSOLUTE_LIMIT))
         connection.execute(insert(researcher_sessions).values(session))
-        log_action(connection, AuditEntry(now, name, "signed_in", None))
+        append(connection, Entry(now, name, "signed_in"))
     return token
 
 
@@ -148,7 +114,7 @@ def find_session(database: Database, token: str, now: datetime, *, active: bool)
         None if there is no such session, or it has ended by itself after `IDLE_LIMIT` or `ABSOLUTE_LIMIT`.
     """
     query = (
-        select(researchers.c.name, researcher_sessions)
+        select(researchers.c.name, researchers.c.role, researcher_sessions)
         .join(researchers)
         .where(
             researcher_sessions.c.token_hash == hash_token(token),
@@ -162,38 +128,43 @@ def find_session(database: Database, token: str, now: datetime, *, active: bool)
         return None
     if active and now - row.last_seen_at > timedelta(minutes=1):
         _change_session(database, row.token_hash, last_seen_at=now)
-    return ResearcherSession(row.name, row.token_hash, row.revealed_at)
+    return ResearcherSession(row.name, row.role, row.token_hash)
 
 
 def sign_out(database: Database, session: ResearcherSession, now: datetime) -> None:
     """End a session."""
     with database.write() as connection:
         connection.execute(delete(researcher_sessions).where(researcher_sessions.c.token_hash == session.token_hash))
-        log_action(connection, AuditEntry(now, session.name, "signed_out", None))
+        append(connection, Entry(now, session.name, "signed_out"))
 
 
-def reveal_ratings(database: Database, session: ResearcherSession, detail: str, now: datetime) -> None:
-    """Show the ratings for the rest of this session, and log who asked for them and when.
+def knows_password(database: Database, session: ResearcherSession, password: str, now: datetime) -> bool:
+    """Tell whether whoever is signed in knows the password, before something that cannot be undone.
 
-    Args:
-        database: Where to store.
-        session: Who asks.
-        detail: Which ratings, in words.
-        now: The time.
+    Raises:
+        TooManyAttemptsError: Wrong passwords came too fast.
     """
+    name_hash = hashlib.sha256(session.name.encode()).hexdigest()
     with database.write() as connection:
-        connection.execute(
-            update(researcher_sessions)
-            .where(researcher_sessions.c.token_hash == session.token_hash)
-            .values(revealed_at=now)
-        )
-        log_action(connection, AuditEntry(now, session.name, "revealed", detail))
+        _count_attempt(connection, name_hash, now)
+        query = select(researchers.c.password_hash).where(researchers.c.name == session.name)
+        hashed = connection.execute(query).scalar_one()
+    if not _verify(hashed, password):
+        return False
+    with database.write() as connection:
+        connection.execute(delete(sign_in_attempts).where(sign_in_attempts.c.name_hash == name_hash))
+    return True
 
 
 def log_download(database: Database, session: ResearcherSession, file_name: str, now: datetime) -> None:
-    """Log who downloaded which file, and when."""
+    """Record who downloaded which file, and when."""
     with database.write() as connection:
-        log_action(connection, AuditEntry(now, session.name, "downloaded", file_name))
+        append(connection, Entry(now, session.name, "downloaded", content={"file": file_name}))
+
+
+def hash_password(password: str) -> str:
+    """Return what is stored of a password: an Argon2id hash with its salt."""
+    return _HASHER.hash(password)
 
 
 @functools.cache

@@ -1,63 +1,30 @@
 """The tables, as the program sees them; `migrations` makes them, and a test keeps the two equal.
 
-What participants decided and answered is insert-only: triggers refuse to change a row of `ANSWER_TABLES` or of
-`audit_log`, and let the rows of a participant be deleted only after that participant withdrew.
+What participants decided and answered is insert-only: triggers refuse to change a row of `ANSWER_TABLES`, and let the
+rows of a participant be deleted only after that participant withdrew. `records` never change and stay for ever; what
+they tell of a participant, in `record_contents`, goes with the participant.
 """
-
-from datetime import UTC, datetime
 
 from sqlalchemy import (
     Boolean,
     CheckConstraint,
     Column,
-    DateTime,
-    Dialect,
     ForeignKey,
     ForeignKeyConstraint,
     Index,
     Integer,
-    MetaData,
     String,
     Table,
-    TypeDecorator,
+    Text,
     UniqueConstraint,
 )
 
+from webapp.storage.schema import UtcDateTime, metadata
 from webapp.study.questionnaire import MAX_RESPONSE_TIME_MS
 from webapp.study.sections import MAX_TEXT_LENGTH
 
 MAX_POINTS = 11
 """The longest scale that a study file may declare."""
-
-NAMING_CONVENTION = {
-    "ix": "ix_%(table_name)s_%(column_0_N_name)s",
-    "uq": "uq_%(table_name)s_%(column_0_N_name)s",
-    "ck": "ck_%(table_name)s_%(constraint_name)s",
-    "fk": "fk_%(table_name)s_%(column_0_N_name)s_%(referred_table_name)s",
-    "pk": "pk_%(table_name)s",
-}
-
-
-class UtcDateTime(TypeDecorator[datetime]):
-    """A time with its zone in Python, stored as UTC with microseconds."""
-
-    impl = DateTime
-    cache_ok = True
-
-    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:  # noqa: ARG002
-        """Convert to UTC; a time without a zone is refused."""
-        if value is None:
-            return None
-        if value.tzinfo is None:
-            raise ValueError(f"{value} has no time zone; use UTC")
-        return value.astimezone(UTC).replace(tzinfo=None)
-
-    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:  # noqa: ARG002
-        """Say that the stored time is UTC."""
-        return None if value is None else value.replace(tzinfo=UTC)
-
-
-metadata = MetaData(naming_convention=NAMING_CONVENTION)
 
 participants = Table(
     "participants",
@@ -78,6 +45,9 @@ participants = Table(
     Column("completed_at", UtcDateTime),
     Column("withdrawn_at", UtcDateTime),
     Column("screened_out_at", UtcDateTime),
+    Column("salt", String(32), nullable=False),
+    Column("slot_released_at", UtcDateTime),
+    Column("returned_late_at", UtcDateTime),
     Index(None, "study", "study_version", "mode"),
 )
 
@@ -219,6 +189,17 @@ events = Table(
     ForeignKeyConstraint(["participant_id", "page_number"], ["pages.participant_id", "pages.number"]),
 )
 
+page_restarts = Table(
+    "page_restarts",
+    metadata,
+    Column("participant_id", ForeignKey("participants.id"), primary_key=True),
+    Column("page_number", Integer, primary_key=True),
+    Column("number", Integer, primary_key=True),
+    Column("after_step", Integer, nullable=False),
+    Column("after_attempt", Integer, nullable=False),
+    Column("at", UtcDateTime, nullable=False),
+)
+
 ANSWER_TABLES = (
     recruits,
     arrangements,
@@ -230,8 +211,44 @@ ANSWER_TABLES = (
     drive_steps,
     drives,
     events,
+    page_restarts,
 )
-"""What participants decided and answered."""
+"""What participants decided and answered, and where they began anew."""
+
+participant_tokens = Table(
+    "participant_tokens",
+    metadata,
+    Column("token_hash", String(64), primary_key=True),
+    Column("participant_id", ForeignKey("participants.id"), nullable=False, index=True),
+    Column("made_at", UtcDateTime, nullable=False),
+)
+
+records = Table(
+    "records",
+    metadata,
+    Column("number", Integer, primary_key=True),
+    Column("at", UtcDateTime, nullable=False),
+    Column("actor", String(64), nullable=False),
+    Column("action", String(32), nullable=False),
+    Column("study", String(64)),
+    Column("study_version", String(64)),
+    Column("mode", String(4)),
+    Column("subject", String(64)),
+    Column("content_digest", String(64), nullable=False),
+    Column("previous_hash", String(64), nullable=False),
+    Column("hash", String(64), nullable=False),
+    Index(None, "action"),
+)
+
+record_contents = Table(
+    "record_contents",
+    metadata,
+    Column("number", ForeignKey("records.number"), primary_key=True),
+    Column("participant_id", ForeignKey("participants.id"), index=True),
+    Column("page_number", Integer),
+    Column("part", Integer),
+    Column("content", Text),
+)
 
 researchers = Table(
     "researchers",
@@ -240,6 +257,8 @@ researchers = Table(
     Column("name", String(64), nullable=False, unique=True),
     Column("password_hash", String(255), nullable=False),
     Column("created_at", UtcDateTime, nullable=False),
+    Column("role", String(8), CheckConstraint("role IN ('viewer', 'owner', 'admin')", name="role"), nullable=False),
+    Column("disabled_at", UtcDateTime),
 )
 
 researcher_sessions = Table(
@@ -249,7 +268,6 @@ researcher_sessions = Table(
     Column("researcher_id", ForeignKey("researchers.id"), nullable=False, index=True),
     Column("created_at", UtcDateTime, nullable=False),
     Column("last_seen_at", UtcDateTime, nullable=False),
-    Column("revealed_at", UtcDateTime),
 )
 
 sign_in_attempts = Table(
@@ -259,14 +277,4 @@ sign_in_attempts = Table(
     Column("num_failures", Integer, nullable=False),
     Column("last_attempt_at", UtcDateTime, nullable=False),
     Column("blocked_until", UtcDateTime),
-)
-
-audit_log = Table(
-    "audit_log",
-    metadata,
-    Column("id", Integer, primary_key=True),
-    Column("at", UtcDateTime, nullable=False),
-    Column("researcher", String(64), nullable=False),
-    Column("action", String(32), nullable=False),
-    Column("detail", String(255)),
 )

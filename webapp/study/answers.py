@@ -9,8 +9,8 @@ from webapp.study.questionnaire import Ratings
 PREFER_NOT_TO_SAY = "prefer_not_to_say"
 """The answer of somebody who would rather not answer; offered with every background question."""
 
-DriveEnd = Literal["reached", "gave_up", "step_limit"]
-"""How a drive ended: at the goal, by the participant's wish, or when no action was left."""
+DriveEnd = Literal["reached", "gave_up", "step_limit", "failed"]
+"""How a drive ended: at the goal, by the participant's wish, when no action was left, or at an end that is no goal."""
 
 
 @dataclass(frozen=True, slots=True)

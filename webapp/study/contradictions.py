@@ -9,13 +9,16 @@ from pydantic import ValidationError
 from webapp.study.answers import PREFER_NOT_TO_SAY
 from webapp.study.declared import Declared
 from webapp.study.experiments import KEY_POINT_KINDS, SATISFACTION_ITEMS, TAILORED_KINDS, Experiment
+from webapp.study.idle_rules import idle_rules
 from webapp.study.learning_settings import LearningSettings
+from webapp.study.own_parts import own_part_problems
 from webapp.study.sections import (
     AttentionCheck,
     Background,
     Consent,
     Debriefing,
     Practice,
+    Quality,
     Quiz,
     Recruitment,
     ReturnPath,
@@ -37,6 +40,7 @@ def contradictions(tree: Mapping[str, Any]) -> Iterator[_Problem]:
     for key in ("languages", "layouts", "facts"):
         yield from _repeated((key,), _texts_of(tree.get(key)))
     layouts = _texts_of(tree.get("layouts"))
+    yield from own_part_problems(tree)
     learning = _valid(LearningSettings, tree.get("learning"))
     for layout in learning.seeds if learning else ():
         if layout not in layouts:
@@ -55,6 +59,7 @@ def contradictions(tree: Mapping[str, Any]) -> Iterator[_Problem]:
         # An experiment that is wrong in itself says nothing yet about what others refer to.
         yield from _attention_checks(tree, known)
         yield from _arms(tree, known)
+        yield from _quality(tree, known)
 
 
 def _within(experiment: Experiment, layouts: Sequence[str]) -> Iterator[_Problem]:
@@ -208,6 +213,20 @@ def _arms(tree: Mapping[str, Any], experiments: Sequence[Experiment]) -> Iterato
         )
     if "placebic" in debriefing.discloses and not is_placebic:
         yield ("debriefing", "discloses"), "lists 'placebic', and no experiment has such an arm; remove it"
+
+
+def _quality(tree: Mapping[str, Any], experiments: Sequence[Experiment]) -> Iterator[_Problem]:
+    quality = _valid(Quality, tree.get("quality", {}))
+    if quality is None:
+        return
+    checks = tree.get("attention_checks")
+    yield from idle_rules(
+        quality,
+        experiments,
+        num_checks=len(checks) if isinstance(checks, list) else 0,
+        has_quiz="quiz" in tree,
+        is_recruited="recruitment" in tree,
+    )
 
 
 def _repeated(path: Sequence[str | int], values: Sequence[str | None], key: str | None = None) -> Iterator[_Problem]:

@@ -1,12 +1,12 @@
 """The experiments of a study: which explanations are shown where, and what is asked and measured."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from webapp.study.declared import Declared, Name, declared_list
 
-Kind = Literal[
+BuiltInKind = Literal[
     "full",
     "subgoals",
     "random",
@@ -20,12 +20,29 @@ Kind = Literal[
     "tailored_all",
     "tailored_first",
 ]
-"""The kinds of explanation.
+"""The kinds of explanation that come with the program.
 
 The first five are those of Sakai et al. 2021, section 6; of key points, all are shown or the first alone. `none` to
 `evenly_spaced` are arms to compare them with. A tailored kind shows the key points of the participant's own failed
 drive, all or the first.
 """
+
+BUILT_IN_KINDS: tuple[BuiltInKind, ...] = get_args(BuiltInKind)
+
+Kind = str
+"""A kind of explanation: a built-in one, or one of the study's own (`study.own_parts`)."""
+
+MAX_KIND_LENGTH = 32
+"""The longest name of a kind, in characters."""
+
+
+def _kind_name(value: str) -> str:
+    if len(value) > MAX_KIND_LENGTH:
+        raise ValueError(f"use up to {MAX_KIND_LENGTH} characters for the name of a kind")
+    return value
+
+
+KindName = Annotated[Name, AfterValidator(_kind_name)]
 
 KEY_POINT_KINDS: frozenset[Kind] = frozenset({"all_key_points", "first_key_point"})
 """The kinds that answer a question, so that they need an experiment with a questioner."""
@@ -113,7 +130,7 @@ class Experiment(Declared):
 
     id: Name
     layouts: Annotated[tuple[Name, ...], *declared_list(1)]
-    kinds: Annotated[tuple[Kind, ...], *declared_list(1)]
+    kinds: Annotated[tuple[KindName, ...], *declared_list(1)]
     situation: Literal["current_view", "video"]
     layout_order: Literal["fixed", "counterbalanced"] = "fixed"
     question: Question | None = None

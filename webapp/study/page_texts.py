@@ -14,6 +14,7 @@ ask.subgoals ask.title ask.undo ask.why_first ask.world_title ask.write ask.writ
 attention.high attention.low
 background.lead background.prefer_not_to_say background.send background.title
 declined.back declined.text declined.title
+full.text full.title
 done.about_title done.close done.debriefing_title done.lead done.title
 drive.buttons.forward drive.buttons.left drive.buttons.pickup drive.buttons.right drive.buttons.toggle
 drive.did.forward drive.did.left drive.did.pickup drive.did.right drive.did.toggle drive.give_up drive.in_vain
@@ -31,7 +32,8 @@ instructions.facts_title instructions.lead instructions.pictures_title instructi
 leave.another_device leave.answers leave.back leave.confirm leave.later leave.later_title leave.lead leave.title
 left.text left.title
 loading.failed
-notices.already_answered notices.drive_gave_up notices.drive_reached notices.drive_step_limit notices.language_unknown
+notices.already_answered notices.drive_failed notices.drive_gave_up notices.drive_reached notices.drive_step_limit
+notices.language_unknown
 notices.practice_over notices.quiz_failed notices.stale notices.too_early
 page.error_prefix page.language_name page.languages page.leave page.notice_title page.offline page.progress
 page.retrying page.sending page.skip page.test_banner

@@ -2,11 +2,15 @@
 
 import difflib
 import re
+import tomllib
 import typing
 from collections.abc import Iterable, Sequence
+from datetime import date, time
 
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
+
+from webapp.study.suggestions import meant
 
 Path = Sequence[str | int]
 """The keys and positions (from 0) that lead to a value of a TOML file."""
@@ -52,9 +56,11 @@ def describe_problem(model: type[BaseModel], problem: ErrorDetails, text: str, s
         case "missing":
             message = "is missing"
         case "value_error":
-            message = f"is {value!r}; {problem['ctx']['error']}"
+            message = f"is {_short(value)}; {problem['ctx']['error']}"
         case "literal_error":
-            message = f"is {value!r}; use {problem['ctx']['expected']}"
+            expected = str(problem["ctx"]["expected"])
+            choices = re.findall(r"'([^']*)'", expected)
+            message = f"is {_short(value)}; {meant(value, choices)}use {expected}"
         case "too_short":
             message = "is empty; list at least one"
         case _:
@@ -144,6 +150,8 @@ def _inner(annotation: object, part: str | int) -> object | None:
 
 
 def _model(annotation: object) -> type[BaseModel] | None:
+    if typing.get_origin(annotation) is dict:
+        return None
     candidates = (annotation,) if typing.get_origin(annotation) is tuple else (annotation, *typing.get_args(annotation))
     for candidate in candidates:
         if isinstance(candidate, type) and issubclass(candidate, BaseModel):
@@ -152,20 +160,69 @@ def _model(annotation: object) -> type[BaseModel] | None:
 
 
 def _suggestion(model: type[BaseModel], path: Path) -> str:
+    if len(path) > 1 and path[-1] in model.model_fields:
+        return f"; write {path[-1]!r} at the top of the file, before the first [section]"
     annotation: object = model
     for part in path[:-1]:
         annotation = _inner(annotation, part)
     owner = _model(annotation)
     known = list(owner.model_fields) if owner else []
     near = difflib.get_close_matches(str(path[-1]), known, n=1)
+    if not known:
+        return "; there are none, so leave the section empty"
     return f"; did you mean {near[0]!r}?" if near else f"; the settings are {', '.join(known)}"
 
 
+_WISHES = {
+    "bool_type": "use true or false, without quotes",
+    "dict_type": "use a table",
+    "finite_number": "use a number",
+    "float_type": "use a number, without quotes",
+    "greater_than": "use more than {gt:g}",
+    "greater_than_equal": "use {ge:g} or more",
+    "int_from_float": "use a whole number, without a point",
+    "int_type": "use a whole number, without quotes or a point",
+    "less_than": "use less than {lt:g}",
+    "less_than_equal": "use {le:g} or less",
+    "model_type": "use a table",
+    "string_pattern_mismatch": "write something",
+    "string_too_short": "write something",
+    "string_type": "use text in quotes",
+    "tuple_type": "use a list in square brackets",
+}
+"""What is wanted, in words for who writes TOML, by the type of pydantic's problem."""
+
+_TOML_WISHES = {
+    "Cannot overwrite a value": "it is there twice; keep one",
+    "Cannot declare": "it is there twice; keep one",
+    "Expected '=' after a key": "write a setting as key = value",
+    "Invalid value": "use text in quotes, a number, true, false, or a list in square brackets",
+    "Illegal character": "close the quotes",
+    "Unclosed array": "close the square brackets",
+}
+"""The same for files that are no TOML, by the beginning of what the reader of TOML says."""
+
+
 def _wish(problem: ErrorDetails) -> str:
+    wish = _WISHES.get(problem["type"])
+    if wish is not None:
+        return wish.format(**problem.get("ctx", {}))
     message = problem["msg"].removeprefix("Input ")
     return "it " + message if message.startswith("should") else message[0].lower() + message[1:]
 
 
+def not_toml(error: tomllib.TOMLDecodeError, source: str) -> str:
+    """Say where a file stops being TOML, and what is wanted there."""
+    found = re.fullmatch(r"(.*) \(at (?:line (\d+), column (\d+)|(end of document))\)", str(error), re.DOTALL)
+    if found is None:
+        return f"{source}: not a TOML file: {error}"
+    where = f"{source}, line {found[2]}, column {found[3]}" if found[2] else f"{source}, at its end"
+    wish = next((wish for begin, wish in _TOML_WISHES.items() if found[1].startswith(begin)), None)
+    return f"{where}: not a TOML file: {found[1]}" + ("" if wish is None else f"; {wish}")
+
+
 def _short(value: object) -> str:
-    written = repr(value)
+    written = str(value).lower() if isinstance(value, bool) else repr(value)
+    if isinstance(value, date | time):
+        written = value.isoformat()
     return written if len(written) <= _MAX_SHOWN else written[: _MAX_SHOWN - 3] + "..."

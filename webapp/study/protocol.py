@@ -4,6 +4,7 @@ The file is TOML. Whoever edits it is told every problem at once, each with its 
 """
 
 import tomllib
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
@@ -13,8 +14,10 @@ from webapp.study.contradictions import contradictions
 from webapp.study.declared import Day, Declared, Filled, Name, Seed, declared_list, is_placeholder
 from webapp.study.experiments import Experiment, Item, Kind
 from webapp.study.learning_settings import ExplanationSettings, LearningSettings
-from webapp.study.problems import StudyError, describe_problem, located
+from webapp.study.own_parts import OwnKinds, OwnWorlds
+from webapp.study.problems import StudyError, describe_problem, located, not_toml
 from webapp.study.sections import (
+    AnalysisPlan,
     Ask,
     AttentionCheck,
     Background,
@@ -22,6 +25,7 @@ from webapp.study.sections import (
     Consent,
     Debriefing,
     Practice,
+    Quality,
     Quiz,
     Recruitment,
     Translation,
@@ -31,6 +35,9 @@ __all__ = ["Experiment", "ExplanationSettings", "Item", "Kind", "LearningSetting
 
 LIVE_SETTINGS = ("contact", "ethics_approval", "retention_until")
 """What must be filled in before real data may be collected."""
+
+MOST_PARTICIPANTS = 1_000_000
+"""The largest quota."""
 
 
 class Study(Declared):
@@ -57,6 +64,12 @@ class Study(Declared):
         debriefing: What is disclosed at the end.
         behaviour_log: Present if it is logged how participants look at the pictures.
         ask: Present if the page `/ask` is open.
+        quality: The declared exclusion rules.
+        analysis: The planned analysis, None if none is frozen with the study.
+        quota: How many people take part at most, those under way included; None for no limit.
+        lease_minutes: After so long without a sign of life a participant's place goes to somebody else.
+        kinds: Kinds of explanation of its own, by name.
+        worlds: Layouts that are worlds of its own, by name.
         translations: What is known of the languages after the first, by code.
         experiments: In the order in which participants do them.
     """
@@ -81,6 +94,12 @@ class Study(Declared):
     debriefing: Debriefing = Debriefing()
     behaviour_log: BehaviourLog | None = None
     ask: Ask | None = None
+    quality: Quality = Quality()
+    analysis: AnalysisPlan | None = None
+    quota: Annotated[int, Field(ge=1, le=MOST_PARTICIPANTS)] | None = None
+    lease_minutes: Annotated[int, Field(ge=5, le=7 * 24 * 60)] = 60
+    kinds: OwnKinds = Field(default_factory=dict)
+    worlds: OwnWorlds = Field(default_factory=dict)
     translations: dict[Name, Translation] = Field(default_factory=dict)
     experiments: Annotated[tuple[Experiment, ...], *declared_list(1)]
 
@@ -129,25 +148,30 @@ def parse_study(text: str, source: str = "study.toml") -> Study:
     try:
         tree = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise StudyError([f"{source}: not a TOML file: {error}"]) from None
+        raise StudyError([not_toml(error, source)]) from None
     problems = [located(text, source, path, message) for path, message in contradictions(tree)]
     try:
         study = Study.model_validate(tree)
     except ValidationError as error:
         told = [describe_problem(Study, problem, text, source) for problem in _first_causes(error)]
-        raise StudyError([*told, *problems]) from None
+        raise StudyError(dict.fromkeys([*told, *problems])) from None
     if problems:
         raise StudyError(problems)
     return study
 
 
 def _first_causes(error: ValidationError) -> list[ErrorDetails]:
-    """Return pydantic's problems without those that follow: a list is not empty because its entries are wrong."""
+    """Return pydantic's problems without those that follow.
+
+    A list is not empty because its entries are wrong, and what is no number at all is no whole one either.
+    """
     problems = error.errors()
     places = [problem["loc"] for problem in problems]
-    return [
-        problem
-        for problem in problems
-        if problem["type"] != "too_short"
-        or not any(place != problem["loc"] and place[: len(problem["loc"])] == problem["loc"] for place in places)
-    ]
+    return [problem for problem in problems if not _follows(problem, places)]
+
+
+def _follows(problem: ErrorDetails, places: Sequence[tuple[int | str, ...]]) -> bool:
+    place = problem["loc"]
+    if problem["type"] == "too_short":
+        return any(other != place and other[: len(place)] == place for other in places)
+    return place[-1:] == ("int",) and (*place[:-1], "float") in places

@@ -28,6 +28,12 @@ def _link(value: str) -> str:
     return value
 
 
+def _file_name(value: str) -> str:
+    if not re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}", value) or value == "study.toml":
+        raise ValueError("use the name of a file that lies beside study.toml, such as 'analysis_plan.md'")
+    return value
+
+
 class Consent(Declared):
     """Who may take part.
 
@@ -187,3 +193,39 @@ class Translation(Declared):
     """
 
     back_translation: Filled
+
+
+class Quality(Declared):
+    """The exclusion rules, declared before there are data. Each is judged for everybody who was not left out already.
+
+    A rule marks people; who is excluded in the end is said by name and with a reason. That somebody left the window is
+    shown, and is no rule.
+
+    Attributes:
+        min_total_minutes: Whoever finished in less was too fast; None for no such rule.
+        min_seconds_per_rating_page: Whoever took less, as the median over their rating pages, was too fast; None for
+            no such rule.
+        straight_lining: Whether those are marked whose every rating, over all trials and items, has the same value.
+        failed_attention_checks: Whoever failed so many or more is marked; None for no such rule.
+        failed_quiz: Whether those are marked who used up the quiz's attempts without a right one.
+        duplicates: Whether those are marked whose recruiter's id or session is elsewhere in the live data too.
+        incomplete: Whether those are marked who did not finish.
+    """
+
+    min_total_minutes: Annotated[float, Field(gt=0, le=600)] | None = None
+    min_seconds_per_rating_page: Annotated[float, Field(gt=0, le=600)] | None = None
+    straight_lining: bool = False
+    failed_attention_checks: Annotated[int, Field(ge=1)] | None = None
+    failed_quiz: bool = False
+    duplicates: bool = False
+    incomplete: bool = False
+
+
+class AnalysisPlan(Declared):
+    """The planned analysis, frozen with the study when it is published.
+
+    Attributes:
+        plan: A file in the study's folder; its text becomes part of the bundle.
+    """
+
+    plan: Annotated[str, AfterValidator(_file_name)]

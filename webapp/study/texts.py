@@ -7,12 +7,14 @@ is a table of forms, `<key>.one` and `<key>.other` in English; which forms a lan
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from webapp.study.plurals import plural_categories, plural_category
-from webapp.study.problems import StudyError, located
+from webapp.study.problems import StudyError, located, not_toml
+from webapp.study.suggestions import nearest
 
 _PARAMETER = re.compile(r"\{([a-z_]+)\}")
 
@@ -121,7 +123,7 @@ def parse_texts(text: str, language: str, source: str) -> Texts:
     try:
         tree = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise StudyError([f"{source}: not a TOML file: {error}"]) from None
+        raise StudyError([not_toml(error, source)]) from None
     entries: dict[str, str | tuple[str, ...]] = {}
     problems = []
     for path, value in _leaves(tree):
@@ -151,13 +153,17 @@ class Wanted:
     is_plural: bool = False
 
 
-def check_texts(texts: Texts, required: Mapping[str, Wanted], source: str) -> tuple[str, ...]:
+def check_texts(
+    texts: Texts, required: Mapping[str, Wanted], source: str, written: str = "", unused: Collection[str] = ()
+) -> tuple[str, ...]:
     """Compare a language's texts with those that are needed.
 
     Args:
         texts: The texts.
         required: What is needed, by full key.
         source: What to call the language file in messages.
+        written: The file's text, to name lines; none are named if it is left out.
+        unused: Keys that are there and that nothing asks for, one of which may be a mistyped one.
 
     Returns:
         One line for each text that is missing, is a list where a text is needed or the other way round, or names a
@@ -166,16 +172,23 @@ def check_texts(texts: Texts, required: Mapping[str, Wanted], source: str) -> tu
     problems = []
     for key, wanted in _single(required, texts.language):
         entry = texts.entries.get(key)
+        told = partial(located, written, source, key.split("."))
         if entry is None:
-            problems.append(f"{source}: {key}: is missing")
+            near = nearest(key, unused)
+            if near is None:
+                problems.append(told("is missing"))
+            else:
+                wish = f"nothing uses it; did you mean {key!r}, which is missing?"
+                problems.append(located(written, source, near.split("."), wish))
         elif isinstance(entry, tuple) != wanted.is_list:
             shape = "a list of texts" if wanted.is_list else "one text"
-            problems.append(f"{source}: {key}: is {entry!r}; write {shape}")
+            shown = list(entry) if isinstance(entry, tuple) else entry
+            problems.append(told(f"is {shown!r}; write {shape}"))
         else:
             whole = " ".join(entry) if isinstance(entry, tuple) else entry
             for name in sorted(set(_PARAMETER.findall(whole)) - wanted.parameters):
                 known = ", ".join(f"{{{parameter}}}" for parameter in sorted(wanted.parameters)) or "none"
-                problems.append(f"{source}: {key}: names the parameter {{{name}}}; it may use {known}")
+                problems.append(told(f"names the parameter {{{name}}}; it may use {known}"))
     return tuple(problems)
 
 

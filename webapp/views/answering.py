@@ -14,6 +14,7 @@ NOTICES = {
     "drive_reached": "notices.drive_reached",
     "drive_gave_up": "notices.drive_gave_up",
     "drive_step_limit": "notices.drive_step_limit",
+    "drive_failed": "notices.drive_failed",
     "practice_over": "notices.practice_over",
     "language_unknown": "notices.language_unknown",
 }

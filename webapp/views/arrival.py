@@ -5,15 +5,16 @@ from collections.abc import Mapping, Sequence
 
 from flask import Blueprint, Response, flash, render_template, request, session, url_for
 
-from webapp.storage.enrolment import Enrolment, enrol
+from webapp.storage.enrolment import Enrolment, StudyFullError, enrol
 from webapp.storage.participants import Participant, hash_token
+from webapp.storage.scope import Mode
 from webapp.study.recruitment import PARAMETERS, Recruit, RecruitmentError, parse_recruit, way_back
 from webapp.views.answering import go_to, notice
 from webapp.views.forms import FormError, consent_nonce
 from webapp.views.security import cookie_name, delete_cookie, set_cookie
 from webapp.views.services import services
 from webapp.views.texts import choose_language, language, texts
-from webapp.views.tokens import participant_token, recruit_token
+from webapp.views.tokens import bot_pass, participant_token, recruit_token, same
 from webapp.views.visit import (
     NoPlaceError,
     find_by_token,
@@ -66,13 +67,16 @@ def consent() -> Response | tuple[str, int]:
     enrolment = Enrolment(
         study=current.study,
         study_version=current.version,
-        mode=here.config.mode,
+        mode=_mode(),
         token_hash=hash_token(token),
         language=language(),
         guardian_agreed=_guardian_agreed(request.form),
         recruit=recruit,
     )
-    return _let_in(enrol(here.database, enrolment, here.clock()), token)
+    try:
+        return _let_in(enrol(here.database, enrolment, here.clock()), token)
+    except StudyFullError:
+        return render_template("participant/full.html"), 503
 
 
 @bp.get("/declined")
@@ -156,7 +160,7 @@ def _is_theirs(participant: Participant) -> bool:
 def _missing_parameter() -> RecruitmentError | None:
     """Say what somebody lacks who came to a live study without the recruiter's link and could not be paid."""
     recruitment = services().bundles.current.study.recruitment
-    if recruitment is None or not services().config.live or _recruit() is not None:
+    if recruitment is None or _mode() != "live" or _recruit() is not None:
         return None
     return RecruitmentError(PARAMETERS[recruitment.service][0].name, "", "given")
 
@@ -196,6 +200,13 @@ def _find_for(token: str) -> Participant:
         raise NoPlaceError("no participant belongs to this link")
     speak_as_before(participant)
     return participant
+
+
+def _mode() -> Mode:
+    """Return as what somebody takes part: a program of ours shows a pass, and says so."""
+    here = services()
+    is_bot = same(request.headers.get("Xar-Bot", ""), bot_pass(here.secret))
+    return "bot" if is_bot else here.config.mode
 
 
 def _nonce_of(form: Mapping[str, str]) -> str:

@@ -59,7 +59,7 @@ class Driving:
     def end(self) -> DriveEnd | None:
         """How it has ended by itself, or None while it goes on."""
         if self.world.is_terminal(self.states[-1]):
-            return "reached"
+            return "reached" if self.world.is_goal(self.states[-1]) else "failed"
         return "step_limit" if len(self.actions) >= self.step_limit else None
 
     def result(self, end: DriveEnd) -> DriveResult:
@@ -115,7 +115,49 @@ def drive_context(visit: Visit, page: Page, _form: Mapping[str, str], _problems:
         "heading": t(_HEADINGS[driving.phase]),
         "lead": t(_LEADS[driving.phase]),
         "pad": {action: t(key) for action, key in _BUTTONS.items()},
+        "own_pad": _own_pad(visit, driving.world),
     }
+
+
+@dataclass(frozen=True, slots=True)
+class OwnButton:
+    """A button of a world of the study's own.
+
+    Attributes:
+        action: The name of its action.
+        label: What the study calls it.
+        key: The key that presses it; None beyond the ninth.
+    """
+
+    action: str
+    label: str
+    key: str | None
+
+
+def _own_pad(visit: Visit, world: WorldTable) -> tuple[OwnButton, ...]:
+    """Return the buttons of a world of the study's own, in the order of its actions; none for a key-door layout."""
+    if not _is_own(visit, world):
+        return ()
+    return tuple(
+        OwnButton(action, _label(visit, action), str(number) if number <= _NUM_KEYS else None)
+        for number, action in enumerate(world.actions, start=1)
+    )
+
+
+def _is_own(visit: Visit, world: WorldTable) -> bool:
+    return world.layout in visit.catalogue.study.worlds
+
+
+def _label(visit: Visit, action: str) -> str:
+    name = visit.catalogue.action_name(action, visit.language)
+    return name[:1].upper() + name[1:]
+
+
+_NUM_KEYS = 9
+"""The digits that press a button."""
+
+_SENTENCE = "pictures.sentence"
+"""The text that makes a sentence of words."""
 
 
 def explanation_of(visit: Visit, trial: Trial) -> dict[str, Any]:
@@ -209,16 +251,25 @@ def _shown(visit: Visit, driving: Driving) -> dict[str, Any]:
     view = visit.catalogue.view(world.layout, states[-1], visit.language)
     neighbours = {world.next_state(states[-1], action) for action in world.actions} - {states[-1]}
     views = [visit.catalogue.view(world.layout, state, visit.language) for state in sorted(neighbours)]
-    message = t("drive.start")
-    if driving.actions:
-        is_vain = states[-1] == states[-2]
-        message = t("drive.in_vain" if is_vain else _DEEDS[driving.actions[-1]])
     return {
         "step": len(driving.actions) + 1,
         "picture": url_for("participant.picture", digest=view.digest),
         "alt": view.alt,
-        "message": message,
+        "message": _message(visit, driving),
         "steps_left": t.plural("drive.steps_left", driving.step_limit - len(driving.actions)),
         "preload": [url_for("participant.picture", digest=frame.digest) for frame in views],
         "next": None,
     }
+
+
+def _message(visit: Visit, driving: Driving) -> str:
+    """Say what happened last. Actions of a study's own worlds are named as on their buttons."""
+    t, states = texts(), driving.states
+    if not driving.actions:
+        return t("drive.start")
+    if states[-1] == states[-2]:
+        return t("drive.in_vain")
+    action = driving.actions[-1]
+    if _is_own(visit, driving.world):
+        return t(_SENTENCE, text=_label(visit, action))
+    return t(_DEEDS[action])

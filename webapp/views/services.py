@@ -11,6 +11,7 @@ from flask import Flask, current_app
 from webapp.config import Config
 from webapp.stimuli.catalogue import BundleError, Catalogue
 from webapp.storage.database import Database
+from webapp.storage.live import LiveNumbers
 
 _EXTENSION = "xar"
 
@@ -61,6 +62,7 @@ class Services:
     Attributes:
         config: The settings.
         database: Where answers go.
+        live: What the dashboard counts of them.
         bundles: What is shown.
         secret: The instance's secret key.
         clock: Returns the time, with its zone.
@@ -68,6 +70,7 @@ class Services:
 
     config: Config
     database: Database
+    live: LiveNumbers
     bundles: Bundles
     secret: bytes
     clock: Callable[[], datetime]

@@ -31,6 +31,11 @@ def page_nonce(secret: bytes, token_hash: str, number: int, attempt: int) -> str
     return _hmac(secret, "page", token_hash, str(number), str(attempt))[:32]
 
 
+def bot_pass(secret: bytes) -> str:
+    """Return what a program shows to take part as a bot: only who can read the instance's secret key can know it."""
+    return _hmac(secret, "bots")
+
+
 def same(one: str, other: str) -> bool:
     """Compare two secrets in a time that does not depend on what they share."""
     return hmac.compare_digest(one.encode(), other.encode())

@@ -1,5 +1,6 @@
 import hashlib
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,12 @@ from tests.unit.stimuli.study_folders import (
 )
 from tests.worlds import LAYOUTS, reachable_states
 from webapp.explainer.worlds.view import View, egocentric_view
+from webapp.stimuli import build as build_module
 from webapp.stimuli.agents import planner_agents
 from webapp.stimuli.build import Built, build
 from webapp.stimuli.catalogue import Catalogue, bundle_version, current_bundle
-from webapp.stimuli.report import inputs_digest
+from webapp.stimuli.program import Program
+from webapp.stimuli.sources import SHARED_TEXTS
 from webapp.study.problems import StudyError
 from webapp.study.session import Trial
 
@@ -119,35 +122,91 @@ def test_another_wording_makes_another_version(small: Path, tmp_path: Path) -> N
 
 
 def test_the_texts_that_all_studies_share_are_among_what_a_bundle_follows_from(small: Path, tmp_path: Path) -> None:
-    def digest() -> str:
-        return inputs_digest(small, "planner_agents", tmp_path / "texts")
+    shared = Path(shutil.copytree(SHARED_TEXTS, tmp_path / "shared"))
 
-    without = digest()
-    (tmp_path / "texts").mkdir()
-    assert digest() == without
-    (tmp_path / "texts" / "en.toml").write_text("[page]\n", encoding="utf-8")
-    with_texts = digest()
-    (tmp_path / "texts" / "en.toml").write_text('[page]\nskip = "Skip"\n', encoding="utf-8")
-    assert len({without, with_texts, digest()}) == 3
+    def version() -> str:
+        return build(small, tmp_path / "instance", quietly, planner_agents, shared).catalogue.version
+
+    before = version()
+    change(shared / "en.toml", 'give_up = "Stop before the goal"', 'give_up = "Stop here"')
+    assert version() != before
 
 
-def test_a_comment_in_the_study_file_makes_no_other_version(small: Path, tmp_path: Path) -> None:
-    first = plan_and_build(small, tmp_path / "instance")
+def test_a_comment_in_the_study_file_makes_another_version_because_the_file_itself_is_frozen(
+    small: Path, tmp_path: Path
+) -> None:
+    first = plan_and_build(small, tmp_path / "instance").catalogue.version
     change(small / "study.toml", "seed = 2021", "seed = 2021  # Any will do.")
-    assert plan_and_build(small, tmp_path / "instance").catalogue.version == first.catalogue.version
+    assert plan_and_build(small, tmp_path / "instance").catalogue.version != first
+
+
+def test_a_bundle_holds_every_file_that_it_was_built_from(small: Path, tmp_path: Path) -> None:
+    (small / "own.py").write_text("STEPS = 1\n", encoding="utf-8")
+    (small / "plan.md").write_text("A t-test.\n", encoding="utf-8")
+    (small / "notes.md").write_text("Not part of it.\n", encoding="utf-8")
+    change(small / "study.toml", "[explanation]\n", '[analysis]\nplan = "plan.md"\n\n[explanation]\n')
+    folder = tmp_path / "instance" / "bundles" / plan_and_build(small, tmp_path / "instance").catalogue.version
+    kept = files_of(folder / "sources")
+    assert sorted(kept) == [
+        "shared_texts/en.toml",
+        "shared_texts/ja.toml",
+        "study/layouts/experiment1-a.txt",
+        "study/own.py",
+        "study/plan.md",
+        "study/study.toml",
+        "study/texts/en.toml",
+        "study/texts/ja.toml",
+    ]
+    assert all(
+        content == (small / name.removeprefix("study/")).read_bytes()
+        for name, content in kept.items()
+        if name.startswith("study/")
+    )
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (None, "is missing; analysis.plan names it"),
+        ("\n", "is empty; write down the planned analysis, or leave [analysis] out"),
+    ],
+)
+def test_an_analysis_plan_that_cannot_be_frozen_is_refused(
+    content: str | None, problem: str, small: Path, tmp_path: Path
+) -> None:
+    change(small / "study.toml", "[explanation]\n", '[analysis]\nplan = "plan.md"\n\n[explanation]\n')
+    if content is not None:
+        (small / "plan.md").write_text(content, encoding="utf-8")
+    with pytest.raises(StudyError) as error:
+        plan_and_build(small, tmp_path / "instance")
+    assert error.value.problems == (f"{small}/plan.md: {problem}",)
+
+
+def test_other_code_makes_another_version_of_the_same_pictures_and_trains_nothing(
+    small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = plan_and_build(small, tmp_path)
+    monkeypatch.setattr(build_module, "running_program", lambda: Program("9.9", "f" * 64))
+    monkeypatch.setattr(nobody, "__name__", planner_agents.__name__)
+    second = build(small, tmp_path, quietly, nobody)
+    before, after = (files_of(tmp_path / "bundles" / built.catalogue.version) for built in (first, second))
+    assert second.catalogue.version != first.catalogue.version
+    assert {name for name in before if before[name] != after[name]} == {"manifest.json"}
+    assert build(small, tmp_path, quietly, nobody).catalogue.version == second.catalogue.version
 
 
 def test_the_last_built_version_is_current_and_earlier_ones_stay(small: Path, tmp_path: Path) -> None:
     study, instance = small, tmp_path / "instance"
     first = plan_and_build(study, instance).catalogue
     wording = first.texts("en")("instructions.start")
+    texts = (study / "texts" / "en.toml").read_bytes()
     set_texts(study, {"instructions.start": "Ready"})
     second = plan_and_build(study, instance).catalogue.version
     assert current_bundle(instance, "sakai2021").name == second
     assert Catalogue.open(instance / "bundles" / first.version).texts("en")("instructions.start") == wording
-    change(study / "texts" / "en.toml", '"instructions.start" = "Ready"', f'"instructions.start" = "{wording}"')
+    (study / "texts" / "en.toml").write_bytes(texts)
     back = plan_and_build(study, instance)
-    assert (back.is_new, current_bundle(instance, "sakai2021").name) == (True, first.version)
+    assert (back.is_new, current_bundle(instance, "sakai2021").name) == (False, first.version)
 
 
 def test_a_damaged_bundle_is_built_again(small: Path, tmp_path: Path) -> None:

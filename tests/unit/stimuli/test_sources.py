@@ -112,7 +112,9 @@ def test_what_is_missing_is_missing_from_the_studys_own_texts(folder: Path, shar
     (folder / "texts" / "en.toml").write_text(FACTS.replace("goal =", "gaol ="), encoding="utf-8")
     with pytest.raises(StudyError) as error:
         read_sources(folder, shared)
-    assert error.value.problems == (f"{folder}/texts/en.toml: facts.goal: is missing",)
+    assert error.value.problems == (
+        f"{folder}/texts/en.toml, line 3: facts.gaol: nothing uses it; did you mean 'facts.goal', which is missing?",
+    )
 
 
 def test_what_is_wrong_with_a_shared_text_is_told_of_the_shared_file(folder: Path, shared: Path) -> None:

@@ -13,7 +13,8 @@ from tests.web.bundles import STUDY_FOLDER, read_study
 from webapp.storage.answers import Outcome, store_page
 from webapp.storage.database import Database
 from webapp.storage.enrolment import Enrolment, enrol
-from webapp.storage.participants import Mode, Participant, find_trials, hash_token
+from webapp.storage.participants import Participant, find_trials, hash_token
+from webapp.storage.scope import Mode
 from webapp.study.answers import DriveEnd, DriveResult, PageContent, Prediction
 from webapp.study.experiments import SATISFACTION_ITEMS
 from webapp.study.protocol import Study, parse_study

@@ -6,12 +6,15 @@ from datetime import UTC, datetime, timedelta
 from sqlalchemy import Connection, Table, insert
 
 from webapp.storage.database import Database
+from webapp.storage.people import Correction, correct, exclude, include
+from webapp.storage.records import SYSTEM, Entry, append, scope_of, subject_of
 from webapp.storage.tables import (
     answers,
     arrangements,
     drive_steps,
     drives,
     events,
+    page_restarts,
     pages,
     participants,
     predictions,
@@ -135,6 +138,7 @@ def write_rows(database: Database) -> None:
                 "num_pages": 10,
                 "consented_at": START,
                 "last_seen_at": START + timedelta(minutes=number),
+                "salt": f"{number:032x}",
             }
             key = {"participant_id": number, "experiment": "1"}
             connection.execute(insert(participants).values(row | dict(person)))
@@ -149,6 +153,8 @@ def write_rows(database: Database) -> None:
             _write_rated_page(connection, 2, number)
         for participant in (1, 2):
             _write_everything_else(connection, participant, last=10 if participant == 1 else 9)
+        _write_ledger(connection)
+    _decide(database)
 
 
 def _write_rated_page(connection: Connection, participant: int, number: int) -> None:
@@ -187,6 +193,31 @@ def _write_everything_else(connection: Connection, participant: int, last: int) 
             _insert(connection, drive_steps, participant, [row])
     for number, event in enumerate(_EVENTS, start=1):
         _insert(connection, events, participant, [{"number": number, **event}])
+    restart = {"page_number": 8, "number": 1, "after_step": 0, "after_attempt": 0, "at": START}
+    _insert(connection, page_restarts, participant, [restart])
+
+
+def _write_ledger(connection: Connection) -> None:
+    """The draws of the first two participants; the place of the second went back and counted again."""
+    at = START + timedelta(minutes=10)
+    for number in (1, 2):
+        scope, subject = scope_of(connection, number), subject_of(connection, number)
+        cell = {"experiment": "1", "sizes": [2, 1], "uses": {"0/0": number}, "arrangement": 0, "layout_order": 0}
+        content = {"word": f"{number:016x}", "experiments": [cell], "draws": [0, 7], "num_draws": 10}
+        append(connection, Entry(at, SYSTEM, "allocated", scope, subject, content=content))
+    released, resumed = (START + timedelta(minutes=minutes) for minutes in (70, 80))
+    gone = {"slot": 2, "why": "expired"}
+    append(connection, Entry(released, SYSTEM, "slot_released", scope, subject, content=gone))
+    append(connection, Entry(resumed, SYSTEM, "slot_resumed", scope, subject, content={"slot": 2}))
+
+
+def _decide(database: Database) -> None:
+    times = [START + timedelta(hours=2, seconds=second) for second in range(4)]
+    exclude(database, "bcdefghjkm", "=too fast", "ann", times[0])
+    include(database, "bcdefghjkm", "not so fast after all", "ann", times[1])
+    exclude(database, "2345678abc", 'said "no", twice', "=ben", times[2])
+    slip = Correction("answers", 1, "job", "researcher")
+    correct(database, "2345678abc", slip, "+1 told us", "ann", times[3])
 
 
 def _insert(connection: Connection, table: Table, participant: int, rows: Sequence[_Row]) -> None:

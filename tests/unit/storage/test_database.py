@@ -12,7 +12,7 @@ from sqlalchemy.exc import IntegrityError, OperationalError
 
 from webapp.storage import database as database_module
 from webapp.storage.database import Database, DatabaseError, journal_mode, open_database
-from webapp.storage.tables import metadata
+from webapp.storage.schema import metadata
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_a_database_of_a_later_version_is_refused(database: Database) -> None:
 def test_a_migration_that_fails_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     broken = tmp_path / "migrations"
     shutil.copytree(database_module._MIGRATIONS, broken)
-    step = 'revision = "9999"\ndown_revision = "0002"\n\ndef upgrade():\n    raise RuntimeError("power cut")\n'
+    step = 'revision = "9999"\ndown_revision = "0003"\n\ndef upgrade():\n    raise RuntimeError("power cut")\n'
     (broken / "versions" / "9999_broken.py").write_text(step)
     monkeypatch.setattr(database_module, "_MIGRATIONS", broken)
     with closing(Database(tmp_path / "xar.sqlite3")) as database:

@@ -7,7 +7,8 @@ from sqlalchemy import select
 from tests.unit.storage.people import DRIVING, NOW, STUDY, at_once, count, enrol_somebody, pages_of
 from webapp.storage.database import Database
 from webapp.storage.enrolment import AlreadyTookPartError, Enrolment, enrol, find_recruit
-from webapp.storage.participants import Mode, Participant, find_participant, find_trials, hash_token
+from webapp.storage.participants import Participant, find_participant, find_trials, hash_token
+from webapp.storage.scope import Mode
 from webapp.storage.tables import arrangements, participants, recruits, trials
 from webapp.study.counterbalancing import layout_orders
 from webapp.study.protocol import Study

@@ -3,17 +3,26 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from webapp.storage.audit import audit_entries
-from webapp.storage.database import Database
-from webapp.storage.researchers import (
+from webapp.storage.accounts import (
     AccountError,
     AccountExistsError,
-    ResearcherSession,
-    TooManyAttemptsError,
+    accounts,
+    change_role,
     create_researcher,
-    find_session,
+    disable,
     has_researcher,
-    reveal_ratings,
+    open_sessions,
+    revoke_sessions,
+)
+from webapp.storage.database import Database
+from webapp.storage.records import told_by
+from webapp.storage.researchers import (
+    ROLES,
+    ResearcherSession,
+    Role,
+    TooManyAttemptsError,
+    find_session,
+    knows_password,
     sign_in,
     sign_out,
 )
@@ -107,15 +116,62 @@ def test_signing_out_ends_the_session_on_the_server(database: Database, account:
     assert find_session(database, token, NOW, active=True) is None
 
 
-def test_revealing_holds_for_the_session_and_is_logged_with_name_and_time(database: Database, account: str) -> None:
-    token, other = open_session(database, account), open_session(database, account)
-    when = NOW + timedelta(minutes=5)
-    assert session_of(database, token, NOW).revealed_at is None
-    reveal_ratings(database, session_of(database, token, NOW), "sakai2021 v1 test", when)
-    assert session_of(database, token, when).revealed_at == when
-    assert session_of(database, other, when).revealed_at is None
-    entry = audit_entries(database)[-1]
-    assert (entry.at, entry.researcher, entry.action, entry.detail) == (when, account, "revealed", "sakai2021 v1 test")
+@pytest.mark.parametrize("role", ROLES)
+def test_a_role_may_do_what_the_lower_ones_may(database: Database, role: Role) -> None:
+    create_researcher(database, "somebody", PASSWORD, NOW, role)
+    session = session_of(database, open_session(database, "somebody"), NOW)
+    assert session.role == role
+    assert [known for known in ROLES if session.may(known)] == list(ROLES[: ROLES.index(role) + 1])
+
+
+def test_another_role_counts_at_once_and_is_recorded(database: Database, account: str) -> None:
+    token = open_session(database, account)
+    change_role(database, account, "viewer", "boss", NOW)
+    assert not session_of(database, token, NOW).may("owner")
+    with database.read() as connection:
+        (recorded,) = told_by(connection, "role_changed")
+    assert (recorded[2], recorded[-1]) == ("boss", {"account": account, "role": "viewer"})
+
+
+def test_a_closed_account_is_signed_out_and_lets_nobody_in(database: Database, account: str) -> None:
+    token = open_session(database, account)
+    disable(database, account, "boss", NOW)
+    assert find_session(database, token, NOW, active=True) is None
+    assert sign_in(database, account, PASSWORD, NOW) is None
+    (closed,) = accounts(database, NOW)
+    assert (closed.disabled_at, closed.num_sessions) == (NOW, 0)
+
+
+def test_one_session_or_all_can_be_ended_from_outside(database: Database, account: str) -> None:
+    tokens = [open_session(database, account, NOW + timedelta(minutes=minute)) for minute in range(3)]
+    now = NOW + timedelta(minutes=3)
+    latest, *others = open_sessions(database, now, account)
+    assert latest.created_at == NOW + timedelta(minutes=2)
+    assert revoke_sessions(database, account, "boss", now, latest.id) == 1
+    assert [find_session(database, token, now, active=True) is None for token in tokens] == [False, False, True]
+    assert revoke_sessions(database, account, "boss", now) == len(others)
+    assert open_sessions(database, now) == ()
+
+
+def test_an_account_that_is_not_there_is_named_with_those_that_are(database: Database, account: str) -> None:
+    for change in (
+        lambda: change_role(database, "nobody", "viewer", "boss", NOW),
+        lambda: disable(database, "nobody", "boss", NOW),
+        lambda: revoke_sessions(database, "nobody", "boss", NOW),
+    ):
+        with pytest.raises(AccountError, match=f"no account 'nobody'; there are {account}"):
+            change()
+
+
+def test_the_password_is_asked_again_and_guesses_count(database: Database, account: str) -> None:
+    session = session_of(database, open_session(database, account), NOW)
+    for _ in range(4):
+        assert not knows_password(database, session, "wrong", NOW)
+    assert knows_password(database, session, PASSWORD, NOW)
+    for _ in range(5):
+        assert not knows_password(database, session, "wrong", NOW)
+    with pytest.raises(TooManyAttemptsError):
+        knows_password(database, session, PASSWORD, NOW)
 
 
 def test_guessing_is_slowed_down_more_and_more_and_never_locks_for_good(database: Database, account: str) -> None:
@@ -177,9 +233,11 @@ def test_simultaneous_guesses_are_all_counted(database: Database, account: str) 
     assert len(refused) == 12 - 5
 
 
-def test_the_log_can_only_grow(database: Database, account: str) -> None:
-    open_session(database, account)
-    for statement in ("UPDATE audit_log SET researcher = 'someone else'", "DELETE FROM audit_log"):
-        with pytest.raises(Exception, match="rows of audit_log"), database.write() as connection:
-            connection.exec_driver_sql(statement)
-    assert [entry.action for entry in audit_entries(database)] == ["created", "signed_in"]
+def test_what_accounts_did_is_recorded_in_order(database: Database, account: str) -> None:
+    token = open_session(database, account)
+    sign_out(database, session_of(database, token, NOW), NOW)
+    with database.read() as connection:
+        told = [
+            (actor, action) for _, _, actor, action, *_ in told_by(connection, "created", "signed_in", "signed_out")
+        ]
+    assert told == [(account, "created"), (account, "signed_in"), (account, "signed_out")]

@@ -2,13 +2,17 @@
 
 import sqlite3
 from contextlib import closing
+from typing import Literal
 
 import pytest
 from sqlalchemy import Table
 
-from tests.unit.storage.rows import write_rows
+from tests.unit.storage.rows import START, write_rows
 from webapp.storage.database import Database
-from webapp.storage.tables import ANSWER_TABLES, metadata
+from webapp.storage.erasure import erase
+from webapp.storage.records import Entry, append, subject_of
+from webapp.storage.schema import metadata
+from webapp.storage.tables import ANSWER_TABLES, participant_tokens, record_contents
 
 FINISHED, LEFT, CONSENTED, SCREENED_OUT = 1, 2, 3, 4
 BY_NAME = pytest.mark.parametrize("table", ANSWER_TABLES, ids=lambda table: table.name)
@@ -21,7 +25,7 @@ def num_rows(connection: sqlite3.Connection, table: Table, participant: int) -> 
 
 def test_every_table_of_a_participant_is_protected() -> None:
     of_participants = {table for table in metadata.tables.values() if "participant_id" in table.columns}
-    assert of_participants == set(ANSWER_TABLES)
+    assert of_participants == {*ANSWER_TABLES, participant_tokens, record_contents}
 
 
 @BY_NAME
@@ -49,12 +53,36 @@ def test_what_was_answered_stays_unless_the_participant_left(database: Database,
         assert connection.execute(delete, (LEFT,)).rowcount > 0
 
 
-def test_a_participant_who_left_can_be_forgotten_whole(database: Database) -> None:
+def test_whoever_wishes_is_forgotten_whole_and_the_others_stay(database: Database) -> None:
     write_rows(database)
-    with database.write() as connection:
-        for table in reversed(ANSWER_TABLES):
-            connection.execute(table.delete().where(table.c.participant_id == LEFT))
-        connection.exec_driver_sql("DELETE FROM participants WHERE id = ?", (LEFT,))
+    with closing(sqlite3.connect(database.path)) as connection:
+        before = [num_rows(connection, table, FINISHED) for table in ANSWER_TABLES]
+        (code,) = connection.execute("SELECT code FROM participants WHERE id = ?", (LEFT,)).fetchone()
+    erase(database, code, "researcher", START)
     with closing(sqlite3.connect(database.path)) as connection:
         assert all(num_rows(connection, table, LEFT) == 0 for table in ANSWER_TABLES)
+        assert [num_rows(connection, table, FINISHED) for table in ANSWER_TABLES] == before
         assert connection.execute("PRAGMA foreign_key_check").fetchall() == []
+
+
+@pytest.mark.parametrize("action", ["sent", "noted"])
+def test_of_what_was_recorded_only_the_persons_share_can_go_and_only_with_the_person(
+    database: Database, action: Literal["sent", "noted"]
+) -> None:
+    write_rows(database)
+    with database.write() as connection:
+        for person in (FINISHED, LEFT):
+            append(connection, Entry(START, "r", action, subject=subject_of(connection, person), content={"text": "x"}))
+        append(connection, Entry(START, "r", "signed_in"))
+    with closing(sqlite3.connect(database.path)) as connection:
+        for change in (
+            "UPDATE record_contents SET participant_id = NULL WHERE participant_id = 1",
+            "UPDATE record_contents SET participant_id = NULL, content = 'y' WHERE participant_id = 2",
+            "DELETE FROM record_contents WHERE participant_id = 1",
+            "DELETE FROM record_contents WHERE participant_id IS NULL",
+            "UPDATE records SET actor = 'other'",
+            "DELETE FROM records",
+        ):
+            with pytest.raises(sqlite3.IntegrityError, match="rows of record"):
+                connection.execute(change)
+        connection.execute("UPDATE record_contents SET participant_id = NULL WHERE participant_id = 2")

@@ -6,17 +6,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Literal, TypeVar, get_args
+from typing import Literal, TypeVar
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from webapp.study.counterbalancing import arrangements, choose_cell, choose_least_used, layout_orders
+from webapp.study.experiments import BUILT_IN_KINDS
 from webapp.study.protocol import Experiment, Kind, parse_study
 
 STUDY = parse_study((Path(__file__).parents[3] / "webapp/studies/sakai2021/study.toml").read_text(encoding="utf-8"))
-KINDS: tuple[Kind, ...] = get_args(Kind)
+KINDS: tuple[Kind, ...] = BUILT_IN_KINDS
 
 Option = TypeVar("Option")
 Uses = dict[tuple[int, int], int]

@@ -103,15 +103,15 @@ def test_an_unknown_experiment_is_named(study: Study) -> None:
     ("before", "after", "line", "message"),
     [
         ("seed = 2021", "sead = 2021", "sead", "sead: is not a setting here; did you mean 'seed'?"),
-        ("seed = 2021", "seed = -1", "seed", "seed: is -1; it should be greater than or equal to 0"),
-        ("seed = 2021", 'seed = "2021"', "seed", "seed: is '2021'; it should be a valid integer"),
-        ("seed = 2021", "seed = true", "seed", "seed: is True; it should be a valid integer"),
+        ("seed = 2021", "seed = -1", "seed", "seed: is -1; use 0 or more"),
+        ("seed = 2021", 'seed = "2021"', "seed", "seed: is '2021'; use a whole number, without quotes or a point"),
+        ("seed = 2021", "seed = true", "seed", "seed: is true; use a whole number, without quotes or a point"),
         ('name = "sakai2021"', 'name = "Sakai 2021"', "name", "name: is 'Sakai 2021'; use up to 64 lower-case letters"),
         ("random_steps = 10", "random_step = 10", "random_step", "did you mean 'random_steps'?"),
-        ("num_draws = 10", "num_draws = 0", "num_draws", "explanation.num_draws: is 0; it should be greater"),
+        ("num_draws = 10", "num_draws = 0", "num_draws", "explanation.num_draws: is 0; use 1 or more"),
         ('"return_probability"', '"luck"', "importance", "is 'luck'; use 'return_probability' or 'ace'"),
-        ('["full",', '["ful",', "kinds", "experiments[1].kinds[1]: is 'ful'; use 'full', 'subgoals', 'random'"),
-        ("points = 5", "points = 1", "points", "experiments[1].items[1].points: is 1; it should be greater"),
+        ('["full",', '["ful",', "kinds", "experiments[1].kinds[1]: is 'ful'; did you mean 'full'? use 'full'"),
+        ("points = 5", "points = 1", "points", "experiments[1].items[1].points: is 1; use 2 or more"),
         ('["en", "ja"]', "[]", "languages", "languages: is empty; list at least one"),
         ('"<date, such as 2030-12-31>"', '"soon"', "retention", "retention_until: is 'soon'; use a date such as"),
         ('"random"]', '"random", "full"]', "kinds", "experiments[1].kinds[4]: is 'full', which stands there 2 times"),
@@ -155,12 +155,12 @@ def test_a_seed_for_a_layout_that_is_not_there_is_refused() -> None:
 
 def test_an_override_of_a_training_setting_is_a_number() -> None:
     assert parse_study(TEXT + "\n[learning.settings]\nnum_cycles = 4\n").learning.settings == {"num_cycles": 4}
-    with pytest.raises(StudyError, match=r"line \d+: learning\.settings\.num_cycles: is True; "):
+    with pytest.raises(StudyError, match=r"line \d+: learning\.settings\.num_cycles: is true; "):
         parse_study(TEXT + "\n[learning.settings]\nnum_cycles = true\n")
 
 
 def test_a_file_that_is_not_toml_is_refused_with_its_line() -> None:
-    with pytest.raises(StudyError, match=r"my\.toml: not a TOML file: .*line 2"):
+    with pytest.raises(StudyError, match=r"my\.toml, line 2, column 8: not a TOML file: "):
         parse_study('name = "a"\nseed = = 3', "my.toml")
 
 

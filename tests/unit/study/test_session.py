@@ -229,7 +229,7 @@ def test_a_page_that_does_not_exist_is_refused(number: int) -> None:
 )
 def test_a_trial_that_cannot_be_is_refused(kind: str, draw: int | None, position: int) -> None:
     with pytest.raises(ValueError, match=r"draw|position"):
-        Trial("1", position, 3, "experiment1-a", kind, draw)  # type: ignore[arg-type]
+        Trial("1", position, 3, "experiment1-a", kind, draw)
 
 
 def test_a_page_of_a_trial_needs_the_trial() -> None:

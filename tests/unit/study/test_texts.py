@@ -75,7 +75,7 @@ def test_what_is_no_text_is_refused_with_its_line(value: str) -> None:
 
 
 def test_a_file_that_is_not_toml_is_refused() -> None:
-    with pytest.raises(StudyError, match=r"en\.toml: not a TOML file"):
+    with pytest.raises(StudyError, match=r"en\.toml, at its end: not a TOML file"):
         parse_texts("title = ", "en", "en.toml")
 
 
@@ -88,7 +88,7 @@ def test_what_pages_need_is_compared_with_what_a_language_has(texts: Texts) -> N
     }
     assert check_texts(texts, required, "en.toml") == (
         "en.toml: page.step: names the parameter {total}; it may use {number}",
-        "en.toml: page.facts: is ('One.', 'Two.'); write one text",
+        "en.toml: page.facts: is ['One.', 'Two.']; write one text",
         "en.toml: page.title: is missing",
     )
 

@@ -15,6 +15,11 @@ from webapp.explainer.worlds.finite import GUIDE, Ended, FiniteWorld, Outcome, o
 MAX_STATES = 200_000
 """So many states are enumerated at most, unless somebody asks for more."""
 
+
+class TooManyStates(ValueError):
+    """A world of more states than were allowed for."""
+
+
 _TOLERANCE = 1e-9
 """So far may probabilities sum from 1, and rewards that count as equal lie apart."""
 
@@ -154,7 +159,7 @@ class _Search:
 
     def _check_room(self) -> None:
         if len(self.nodes) == self.max_states:
-            raise ValueError(
+            raise TooManyStates(
                 f"more than {self.max_states} states can be reached from the start {self.world.start!r}: "
                 f"abstract the world to fewer ({GUIDE} says how), or raise the limit (--max-states)"
             )

@@ -61,15 +61,31 @@ def world_of(
         >>> enumerate_world(lake).num_states
         16
     """
+    name = env_id if ":" in env_id else resolve_id(env_id)
+    made = load(name, options or {}) if ":" in name else make_environment(name, options or {})
+    world = adapt(made, seed, name)
+    return world if actions is None else restrict_actions(world, actions)
+
+
+def adapt(made: Any, seed: int, name: str) -> FiniteWorld:  # noqa: ANN401 - an environment or a world, as it comes.
+    """Return the world of an environment that was made already; a `FiniteWorld` is its own.
+
+    Args:
+        made: The environment, which the world keeps and steps, or the world.
+        seed: Of the environment's `reset`, at least 0.
+        name: What to call it in messages.
+
+    Raises:
+        NotFinite: The environment has no finitely many states that can be listed.
+        ValueError: It cannot begin an episode, or the seed is negative.
+    """
     if seed < 0:
         raise ValueError(f"the seed must be 0 or larger, not {seed}")
-    name = env_id if ":" in env_id else resolve_id(env_id)
-    made = load(name, options or {}) if ":" in name else _make(name, options or {})
     try:
-        world = _adapt(made, seed, name) if isinstance(made, gymnasium.Env) else made
+        world: FiniteWorld = _adapt(made, seed, name) if isinstance(made, gymnasium.Env) else made
     except (error.Error, ImportError) as problem:
         raise ValueError(f"{name} cannot begin an episode: {type(problem).__name__}: {problem}") from problem
-    return world if actions is None else restrict_actions(world, actions)
+    return world
 
 
 def parse_options(texts: Iterable[str]) -> dict[str, Any]:
@@ -120,7 +136,16 @@ def resolve_id(env_id: str) -> str:
     raise ValueError(f"there is no environment {env_id!r}; {hint}")
 
 
-def _make(env_id: str, options: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:
+def make_environment(env_id: str, options: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:
+    """Make a registered environment.
+
+    Args:
+        env_id: Its name, as `resolve_id` returns it.
+        options: What it is made with.
+
+    Raises:
+        ValueError: It cannot be made with these options.
+    """
     _refuse_text_for_yes_or_no(env_id, options)
     try:
         made: gymnasium.Env[Any, Any] = gymnasium.make(env_id, disable_env_checker=True, **options)

@@ -33,7 +33,24 @@ def load(name: str, options: Mapping[str, Any]) -> Any:  # noqa: ANN401 - an env
     module = _import(module_name)
     if not hasattr(module, attribute):
         raise ValueError(f"the module {module_name!r} has no {attribute!r}")
-    made = getattr(module, attribute)
+    return make(getattr(module, attribute), name, options)
+
+
+def make(found: Any, name: str, options: Mapping[str, Any]) -> Any:  # noqa: ANN401 - as for `load`.
+    """Call what was imported, or take it as it is.
+
+    Args:
+        found: A callable that returns a world or an environment, or one of these itself.
+        name: What to call it in messages.
+        options: The arguments of the call, by name.
+
+    Returns:
+        A `FiniteWorld`, or whatever has Gymnasium's `reset` and `step`.
+
+    Raises:
+        ValueError: It cannot be called with these options, or it returns something else.
+    """
+    made = found
     if callable(made):
         try:
             made = made(**options)

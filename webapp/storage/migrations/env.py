@@ -2,7 +2,7 @@
 
 from alembic import context
 
-from webapp.storage.tables import metadata
+from webapp.storage.schema import metadata
 
 context.configure(
     connection=context.config.attributes["connection"],

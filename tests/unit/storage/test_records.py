@@ -1,0 +1,192 @@
+"""The chain of records: what it holds, and that nothing can be changed, cut out or slipped in without being seen."""
+
+import re
+import sqlite3
+from contextlib import closing
+from datetime import timedelta
+
+import pytest
+
+from tests.unit.storage.people import DRIVING, NOW, at_once, enrol_somebody, page_of_kind, send, walk, walk_to
+from webapp.storage.answers import store_step
+from webapp.storage.database import Database
+from webapp.storage.erasure import erase
+from webapp.storage.helping import restart_page
+from webapp.storage.participants import Participant, withdraw
+from webapp.storage.people import exclude, note
+from webapp.storage.records import FIRST_HASH, Entry, append, canonical, content_digest, head, told_by
+from webapp.storage.verification import verify_log
+from webapp.study.answers import Answer, DriveStep, PageContent
+
+
+def tamper(database: Database, *statements: str) -> None:
+    """Change the file behind the program's back: triggers and foreign keys do not stop whoever owns it."""
+    with closing(sqlite3.connect(database.path)) as connection:
+        for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
+            connection.execute(f"DROP TRIGGER {name}")
+        for statement in statements:
+            assert connection.execute(statement).rowcount > 0
+        connection.commit()
+
+
+@pytest.fixture
+def people(database: Database) -> list[Participant]:
+    """Somebody who finished, somebody who left, somebody in the middle of a drive, an excluded one."""
+    done, left = enrol_somebody(database), enrol_somebody(database)
+    walk(database, done, 11)
+    walk(database, left, 4)
+    withdraw(database, left, NOW)
+    driving = enrol_somebody(database, study=DRIVING)
+    page = walk_to(database, driving, "quiz", DRIVING)
+    for attempt in (1, 2):
+        answers = (Answer("goal", "key", is_correct=False),)
+        content = PageContent(answers=answers, attempt=attempt, is_final=attempt == 2)
+        assert send(database, driving, page.number, study=DRIVING, content=content) == "accept"
+    drive = page_of_kind(database, driving, "drive", DRIVING)
+    for number in range(page.number + 1, drive.number):
+        assert send(database, driving, number, study=DRIVING) == "accept"
+    for number, action in enumerate(("left", "forward"), start=1):
+        assert store_step(database, driving, drive, DriveStep(number, action, 250), NOW) == "accept"
+    exclude(database, done.code, "was in the pilot", "boss", NOW)
+    note(database, done.code, "called us", "boss", NOW)
+    return [done, left, driving]
+
+
+@pytest.mark.usefixtures("people")
+def test_every_record_names_the_one_before(database: Database) -> None:
+    with closing(sqlite3.connect(database.path)) as connection:
+        rows = connection.execute("SELECT number, previous_hash, hash FROM records ORDER BY number").fetchall()
+    assert [number for number, *_ in rows] == list(range(1, len(rows) + 1))
+    assert [previous for _, previous, _ in rows] == [FIRST_HASH, *(current for *_, current in rows[:-1])]
+    with database.read() as connection:
+        assert head(connection).number == len(rows)
+
+
+@pytest.mark.usefixtures("people")
+def test_all_is_well_with_what_nobody_touched(database: Database) -> None:
+    found = verify_log(database)
+    assert found.problems == ()
+    assert (found.num_erased, found.num_unvouched) == (0, 0)
+
+
+def test_the_same_content_has_the_same_digest_and_a_salt_another() -> None:
+    assert content_digest("a", {"x": 1, "y": [NOW]}) == content_digest("a", {"y": [NOW], "x": 1})
+    assert content_digest("a", {"x": 1}) != content_digest("b", {"x": 1})
+    assert canonical({"at": NOW, "word": "鍵"}) == '{"at":"2031-03-01T09:30:00.000017Z","word":"鍵"}'
+    with pytest.raises(TypeError, match="cannot be recorded"):
+        canonical({"x": object()})
+
+
+@pytest.mark.usefixtures("people")
+def test_records_can_only_be_added(database: Database) -> None:
+    for table in ("records", "record_contents"):
+        for statement in (f"UPDATE {table} SET number = number", f"DELETE FROM {table}"):  # noqa: S608
+            with pytest.raises(Exception, match=f"rows of {table}"), database.write() as connection:
+                connection.exec_driver_sql(statement)
+
+
+@pytest.mark.usefixtures("people")
+@pytest.mark.parametrize(
+    ("statements", "problem"),
+    [
+        (["UPDATE records SET actor = 'other' WHERE action = 'excluded'"], "is not what its hash says"),
+        (["UPDATE records SET at = datetime(at, '+1 hour') WHERE number = 5"], r"record 5 \("),
+        (["DELETE FROM record_contents WHERE number = 7", "DELETE FROM records WHERE number = 7"], "are missing"),
+        (["UPDATE records SET previous_hash = hash WHERE number = 3"], "does not continue the chain"),
+        (["UPDATE ratings SET rating = 5 WHERE page_number = 3"], r"sent, page 3\): what it tells was changed"),
+        (["DELETE FROM ratings WHERE page_number = 5 AND item = 'general'"], r"sent, page 5\)"),
+        (["UPDATE trials SET kind = 'full' WHERE number = 1 AND kind != 'full'"], "consented"),
+        (["UPDATE drive_steps SET action = 'right' WHERE number = 2"], "acted"),
+        (["UPDATE answers SET is_correct = 1 WHERE attempt = 1"], "attempted"),
+        (["UPDATE participants SET language = 'ja'"], "consented"),
+        (["UPDATE record_contents SET content = '{\"reason\":\"none\"}' WHERE content LIKE '%pilot%'"], "excluded"),
+        (["DELETE FROM record_contents WHERE content LIKE '%pilot%'"], "has lost what it tells"),
+        (["UPDATE record_contents SET participant_id = 2 WHERE content LIKE '%pilot%'"], "somebody else"),
+        (["UPDATE participants SET completed_at = NULL"], "completed_at does not go with"),
+        (["UPDATE participants SET withdrawn_at = NULL"], "withdrawn_at does not go with"),
+        (["UPDATE participants SET withdrawn_at = consented_at WHERE withdrawn_at IS NULL"], "withdrawn_at"),
+        (["DELETE FROM drive_steps WHERE number = 2"], "acted"),
+    ],
+)
+def test_a_change_behind_the_programs_back_is_found(database: Database, statements: list[str], problem: str) -> None:
+    tamper(database, *statements)
+    assert re.search(problem, "\n".join(verify_log(database).problems))
+
+
+def test_rows_that_were_slipped_in_are_found(database: Database, people: list[Participant]) -> None:
+    _, _, driving = people
+    page = page_of_kind(database, driving, "drive", DRIVING).number
+    tamper(
+        database,
+        f"INSERT INTO drive_steps SELECT participant_id, page_number, 3, page_kind, trial_number, action, elapsed_ms, "  # noqa: S608
+        f"received_at FROM drive_steps WHERE number = 2 AND page_number = {page}",
+        "INSERT INTO answers SELECT participant_id, page_number, 3, question, purpose, answer, is_correct, "
+        "submitted_at FROM answers WHERE attempt = 2",
+        f"INSERT INTO pages SELECT participant_id, {page}, 'drive', trial_number, 'n', submitted_at FROM pages "  # noqa: S608
+        f"WHERE participant_id = {driving.id} AND number = {page - 1}",
+    )
+    problems = verify_log(database).problems
+    for what in (f"action of page {page}", "attempt at page", f"page {page}"):
+        assert f"participant {driving.code}: {what}" in " ".join(problems)
+
+
+@pytest.mark.usefixtures("people")
+def test_a_log_that_was_cut_off_or_written_anew_is_found_by_a_head_that_was_noted_down(
+    database: Database,
+) -> None:
+    with database.read() as connection:
+        noted = head(connection)
+    assert verify_log(database, known=(noted.number, noted.hash)).problems == ()
+    tamper(
+        database,
+        f"DELETE FROM record_contents WHERE number = {noted.number}",  # noqa: S608
+        f"DELETE FROM records WHERE number = {noted.number}",  # noqa: S608
+    )
+    assert verify_log(database).problems == ()
+    (problem,) = verify_log(database, known=(noted.number, noted.hash)).problems
+    assert str(noted.number) in problem
+
+
+def test_what_began_before_the_log_is_said_not_to_be_vouched_for(database: Database) -> None:
+    enrol_somebody(database)
+    tamper(database, "UPDATE record_contents SET participant_id = NULL WHERE number = 2")
+    assert verify_log(database).num_unvouched == 1
+
+
+def test_someone_erased_leaves_nothing_behind_and_the_chain_holds(
+    database: Database, people: list[Participant]
+) -> None:
+    done, left, _ = people
+    with database.read() as connection:
+        before = head(connection)
+    for person in (done, left):
+        erase(database, person.code, "boss", NOW + timedelta(days=1))
+    found = verify_log(database, known=(before.number, before.hash))
+    assert found.problems == ()
+    assert found.num_erased > 11
+    database.close()
+    content = b"".join(file.read_bytes() for file in database.path.parent.iterdir())
+    for secret in (done.code, done.token_hash, done.salt, "was in the pilot", "called us", left.code):
+        assert secret.encode() not in content
+    assert people[2].code.encode() in content
+
+
+def test_an_erased_persons_restart_goes_with_them(database: Database, people: list[Participant]) -> None:
+    driving = people[2]
+    page = page_of_kind(database, driving, "drive", DRIVING).number
+    restart_page(database, driving.code, page, "the window froze", "boss", NOW)
+    assert verify_log(database).problems == ()
+    erase(database, driving.code, "boss", NOW)
+    assert verify_log(database).problems == ()
+    with database.read() as connection:
+        assert list(told_by(connection, "page_restarted")) == []
+
+
+def test_simultaneous_writers_keep_one_chain(database: Database) -> None:
+    def write(number: int) -> None:
+        with database.write() as connection:
+            append(connection, Entry(NOW, f"writer {number}", "signed_in"))
+
+    at_once(16, write)
+    assert verify_log(database).problems == ()
+    assert verify_log(database).head.number == 16

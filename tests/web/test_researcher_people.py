@@ -1,0 +1,190 @@
+"""The page of one participant: what it tells, what owners may do there, and that errors lose nothing."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from flask import Flask
+
+from tests.web.bundles import write_bundle
+from tests.web.people import Visitor
+from tests.web.reading import ask, num_rows
+from tests.web.researchers import PASSWORD, researcher_of, unblind
+from tests.web.test_results_pages import KINDS, kinds_told, plain, study_with, take_part
+from webapp.config import Config
+from webapp.study.protocol import Study
+
+REASON = {"reason": "They wrote to us"}
+
+
+@pytest.fixture
+def person(app: Flask) -> Visitor:
+    """Somebody who is at page 4."""
+    visitor = Visitor(app)
+    visitor.agree()
+    visitor.walk(1, 3)
+    return visitor
+
+
+@pytest.fixture
+def researcher(app: Flask) -> Visitor:
+    return researcher_of(app)
+
+
+def code_of(researcher: Visitor) -> str:
+    (line,) = researcher.get("/researcher/people.json").get_json()["participants"]
+    return str(line["code"])
+
+
+@pytest.mark.usefixtures("person")
+def test_the_page_tells_what_happened_in_order(researcher: Visitor) -> None:
+    page = researcher.get(f"/researcher/people/{code_of(researcher)}").text
+    told = [plain(entry) for entry in re.findall(r'<li class="timeline__entry.*?</li>', page, re.DOTALL)]
+    happened = [re.sub(r".*UTC (.*?) #\d+$", r"\1", entry) for entry in told]
+    assert happened == [
+        "a place in the study was drawn",
+        "agreed to take part",
+        "page 1 was sent: instructions",
+        "page 2 was sent",
+        "page 3 was sent",
+    ]
+    assert "3 of 11" in page
+
+
+@pytest.mark.usefixtures("person")
+def test_notes_exclusions_and_their_end_are_kept_with_their_reasons(researcher: Visitor) -> None:
+    address = f"/researcher/people/{code_of(researcher)}"
+    assert researcher.post(f"{address}/note", {"text": "Called us"}).headers["Location"] == f"{address}?done=noted"
+    assert researcher.post(f"{address}/exclude", {"reason": "A friend answered"}).status_code == 303
+    page = researcher.get(f"{address}?done=excluded").text
+    assert "This person is excluded now." in page
+    assert "noted: “Called us”" in page
+    assert "A friend answered" in page
+    assert "A friend answered" in researcher.get("/researcher/quality").text
+    assert researcher.get("/researcher/status.json").get_json()["counts"]["excluded"] == 1
+    assert researcher.post(f"{address}/include", {"reason": "It was a mistake"}).status_code == 303
+    assert researcher.get("/researcher/status.json").get_json()["counts"]["excluded"] == 0
+
+
+@pytest.mark.usefixtures("person")
+@pytest.mark.parametrize(
+    ("action", "form", "words"),
+    [
+        ("note", {"text": " "}, "the note is missing"),
+        ("exclude", {"reason": "x" * 501}, "the reason has 501 characters"),
+        ("include", {"reason": "We were wrong"}, "not excluded"),
+        ("correct", {"place": "", "value": "4", "reason": "Typed wrong"}, "choose the value"),
+        ("correct", {"place": "ratings|3|weather", "value": "4", "reason": "Typed wrong"}, "has no answer to"),
+        ("release", {"page": "9", "reason": "They are stuck"}, "is at page 4, not at page 9"),
+        ("release", {"page": "99", "reason": "They are stuck"}, "there is no page 99"),
+        ("restart", {"page": "4", "reason": ""}, "the reason is missing"),
+        ("look", {"reason": ""}, "the reason is missing"),
+    ],
+)
+def test_what_cannot_be_done_is_said_and_nothing_typed_is_lost(
+    researcher: Visitor, action: str, form: dict[str, str], words: str
+) -> None:
+    answer = researcher.post(f"/researcher/people/{code_of(researcher)}/{action}", form)
+    assert answer.status_code == 422
+    assert words in plain(answer.text).replace("&#39;", "'")
+    typed = form.get("reason", "").strip()
+    assert not typed or f">{typed}</textarea>" in answer.text
+
+
+@pytest.mark.usefixtures("person")
+def test_a_correction_stands_beside_the_answer(researcher: Visitor, instance: Path) -> None:
+    address = f"/researcher/people/{code_of(researcher)}"
+    form = {"place": "ratings|3|general", "value": "5", **REASON}
+    assert researcher.post(f"{address}/correct", form).status_code == 303
+    page = researcher.get(address).text
+    assert "corrected general on page 3 from “" in page
+    assert "to “5”: “They wrote to us”" in page
+    assert ask(instance, "SELECT count(*) FROM ratings WHERE rating = 5 AND item = 'general' AND page_number = 3") == [
+        (0,)
+    ]
+
+
+def test_somebody_stuck_goes_on_without_the_page(person: Visitor, researcher: Visitor) -> None:
+    address = f"/researcher/people/{code_of(researcher)}"
+    assert person.place() == "/study/4"
+    assert researcher.post(f"{address}/restart", {"page": "4", **REASON}).status_code == 303
+    assert person.place() == "/study/4"
+    assert researcher.post(f"{address}/release", {"page": "4", **REASON}).status_code == 303
+    assert person.place() == "/study/5"
+    assert "released page 4: “They wrote to us”" in researcher.get(address).text
+
+
+def test_a_new_link_is_shown_once_and_leads_back(person: Visitor, researcher: Visitor, app: Flask) -> None:
+    address = f"/researcher/people/{code_of(researcher)}"
+    page = researcher.post(f"{address}/link").text
+    found = re.search(r'value="http://localhost(/resume/[^"]+)" readonly', page)
+    assert found is not None
+    assert found[1] not in researcher.get(address).text
+    elsewhere = Visitor(app)
+    elsewhere.post(found[1])
+    assert elsewhere.place() == "/study/4"
+    person.post("/leave")
+    assert researcher.post(f"{address}/link").status_code == 422
+
+
+@pytest.mark.usefixtures("person")
+def test_erasing_asks_for_code_and_password_and_leaves_nobody(researcher: Visitor, instance: Path) -> None:
+    code = code_of(researcher)
+    address = f"/researcher/people/{code}/erase"
+    asked = researcher.get(address).text
+    assert "What goes" in asked
+    assert "What stays" in asked
+    for form, words in (
+        ({"code": "somebody", "password": PASSWORD}, "type the code"),
+        ({"code": code, "password": "wrong"}, "password is not right"),
+    ):
+        refused = researcher.post(address, form)
+        assert refused.status_code == 422
+        assert words in refused.text
+    assert num_rows(instance, "participants") == 1
+    assert researcher.post(address, {"code": code, "password": PASSWORD}).status_code == 303
+    assert num_rows(instance, "participants") == 0
+    assert researcher.get(f"/researcher/people/{code}").status_code == 404
+    assert researcher.post(f"/researcher/people/{code}/note", {"text": "x"}).status_code == 404
+    assert code not in researcher.get("/researcher/records").text
+
+
+@pytest.fixture
+def driving(instance: Path, start_app: Callable[[Config], Flask]) -> Flask:
+    study: Study = study_with(*KINDS)
+    write_bundle(instance, study)
+    return start_app(Config(instance, study=study.name))
+
+
+def test_the_pictures_are_shown_for_a_reason_to_one_account_and_of_one_person(driving: Flask, instance: Path) -> None:
+    people = [take_part(driving), take_part(driving)]
+    visitor, other = researcher_of(driving), researcher_of(driving, name="other")
+    address = f"/researcher/people/{people[0].code}"
+    before = visitor.get(address).text
+    assert "/pictures/" not in before
+    assert visitor.post(f"{address}/look", REASON).headers["Location"] == f"{address}?done=person_unblinded"
+    page = visitor.get(address).text
+    assert kinds_told(page) == set(KINDS)
+    assert page.count("/pictures/") > 6
+    for asker, path in ((other, address), (visitor, f"/researcher/people/{people[1].code}"), (visitor, "/researcher/")):
+        assert kinds_told(asker.get(path).text) == set()
+    logged = ask(instance, "SELECT actor, subject IS NOT NULL FROM records WHERE action = 'person_unblinded'")
+    assert logged == [("researcher", 1)]
+
+
+def test_whoever_sees_the_arms_sees_what_was_shown_as_far_as_they_came(driving: Flask) -> None:
+    take_part(driving, fails=True)
+    visitor = researcher_of(driving)
+    unblind(visitor)
+    page = visitor.get(f"/researcher/people/{code_of(visitor)}").text
+    assert page.count("(not reached)") == 3
+    assert "Practice, page" in page
+
+
+@pytest.mark.usefixtures("person")
+def test_the_page_follows_a_person_into_their_own_scope(researcher: Visitor) -> None:
+    code = code_of(researcher)
+    page = researcher.get(f"/researcher/people/{code}?mode=bot").text
+    assert '<span class="chip chip--test">test</span>' in page
+    assert f'action="/researcher/people/{code}/note"' in page

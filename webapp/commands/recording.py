@@ -1,0 +1,104 @@
+"""`xar verify-log`, `xar study replay`: proofs that nothing was changed; `xar erase`: the wish to be forgotten."""
+
+import os
+from datetime import UTC, datetime
+
+import click
+
+from webapp.command_line import refusals, show_json
+
+_COMMAND = "(command line)"
+
+
+@click.command("verify-log")
+@click.option("--head", metavar="NUMBER:HASH", help="A head that was noted down before; the log must still contain it.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def verify_log(head: str | None, *, as_json: bool) -> None:
+    """Check the chain of records, and every row that it vouches for. Exit status 1 means that something was changed."""
+    from webapp.config import read_config
+    from webapp.storage.database import open_database
+    from webapp.storage.verification import verify_log as verify
+
+    with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
+        found = verify(database, known=_head(head))
+    if as_json:
+        show_json(
+            {
+                "records": found.head.number,
+                "head": found.head.hash,
+                "erased": found.num_erased,
+                "unvouched_participants": found.num_unvouched,
+                "problems": list(found.problems),
+            }
+        )
+    else:
+        for problem in found.problems:
+            click.echo(problem, err=True)
+        click.echo(f"Records: {found.head.number}, head {found.head.hash}")
+        if found.num_erased:
+            click.echo(f"About people who were erased, so that only the chain can be checked: {found.num_erased}")
+        if found.num_unvouched:
+            click.echo(f"Participants from before the log was kept, for whom it does not vouch: {found.num_unvouched}")
+        click.echo("Something was changed." if found.problems else "Everything is as it was recorded.")
+    if found.problems:
+        raise click.exceptions.Exit(1)
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def replay(*, as_json: bool) -> None:
+    """Draw every assignment again from the allocation ledger. Exit status 1 means that one cannot be reproduced."""
+    from webapp.config import read_config
+    from webapp.storage.database import open_database
+    from webapp.storage.replay import replay as draw_again
+
+    with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
+        found = draw_again(database)
+    if as_json:
+        show_json(
+            {
+                "allocations": found.num_allocations,
+                "from_before_the_ledger": found.num_before,
+                "problems": list(found.problems),
+            }
+        )
+    else:
+        for problem in found.problems:
+            click.echo(problem, err=True)
+        again = found.num_allocations - found.num_before
+        click.echo(f"Allocations: {found.num_allocations}; drawn again from their words and the counts before: {again}")
+        if found.num_before:
+            click.echo(f"From before the ledger, counted and not drawn again: {found.num_before}")
+        click.echo("The ledger does not add up." if found.problems else "Every assignment is reproduced.")
+    if found.problems:
+        raise click.exceptions.Exit(1)
+
+
+@click.command()
+@click.argument("code")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+def erase(code: str, *, yes: bool) -> None:
+    """Withdraw the participant CODE and erase every row of theirs, for good.
+
+    The log keeps salted digests, which say nothing without what was erased. Files exported before are not touched.
+    """
+    from webapp.config import read_config
+    from webapp.storage.database import open_database
+    from webapp.storage.erasure import erase as erase_person
+    from webapp.storage.people import find_person
+
+    with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
+        find_person(database, code)
+        if not yes:
+            click.confirm(f"Erase everything of participant {code!r}, for good?", abort=True)
+        erase_person(database, code, _COMMAND, datetime.now(UTC))
+    click.echo(f"Participant {code!r} is erased. Delete their rows from files that were exported before.")
+
+
+def _head(text: str | None) -> tuple[int, str] | None:
+    if text is None:
+        return None
+    number, _, digest = text.partition(":")
+    if not number.isdecimal() or len(digest) != 64 or set(digest) - set("0123456789abcdef"):  # noqa: PLR2004 - SHA-256
+        raise click.BadParameter(f"{text!r} is no head; use NUMBER:HASH as the dashboard and exports show it")
+    return int(number), digest

@@ -1,0 +1,119 @@
+"""The rows of what participants send, inserted within the transaction that decides whether they may."""
+
+from collections.abc import Sequence
+from dataclasses import fields
+from datetime import datetime
+
+from sqlalchemy import Connection, insert, select, update
+
+from webapp.storage.ledger import resume_slot
+from webapp.storage.participants import Participant
+from webapp.storage.tables import (
+    answers,
+    drive_steps,
+    drives,
+    events,
+    pages,
+    participants,
+    predictions,
+    ratings,
+    trials,
+)
+from webapp.study.answers import Answer, DriveResult, DriveStep, Event, PageContent, Prediction
+from webapp.study.questionnaire import Ratings
+from webapp.study.session import Page
+
+
+def insert_page(
+    connection: Connection, participant: Participant, page: Page, nonce: str, content: PageContent, now: datetime
+) -> None:
+    """Insert a page with what stands on it; answers to questions have been inserted by then."""
+    number = trial_number(connection, participant.id, page)
+    row = {"participant_id": participant.id, "number": page.number, "kind": page.kind, "trial_number": number}
+    connection.execute(insert(pages).values(**row, nonce=nonce, submitted_at=now))
+    key = {"participant_id": participant.id, "page_number": page.number}
+    for table, rows in (
+        (ratings, _rating_rows(content.ratings)),
+        (predictions, _rows(content.predictions, Prediction)),
+        (drives, _drive_rows(content.drive)),
+        (events, _event_rows(content.events, page)),
+    ):
+        if rows:
+            connection.execute(insert(table), [key | values for values in rows])
+
+
+def insert_answers(
+    connection: Connection, participant_id: int, page: Page, content: PageContent, attempt: int, now: datetime
+) -> None:
+    """Insert the answers of one attempt at the questions of a page."""
+    purpose = {"background": "background", "quiz": "quiz"}.get(page.kind, "attention")
+    key = {"participant_id": participant_id, "page_number": page.number, "attempt": attempt}
+    rows = [key | row | {"purpose": purpose, "submitted_at": now} for row in _rows(content.answers, Answer)]
+    connection.execute(insert(answers), rows)
+
+
+def touch(connection: Connection, participant: Participant, now: datetime, **changes: datetime | None) -> None:
+    """Note a sign of life; the place of somebody who comes back late counts again."""
+    connection.execute(
+        update(participants).where(participants.c.id == participant.id).values(last_seen_at=now, **changes)
+    )
+    if participant.slot_released_at is not None:
+        resume_slot(connection, participant.scope, participant.subject, now)
+
+
+def insert_step(
+    connection: Connection, participant_id: int, page: Page, step: DriveStep, number: int, now: datetime
+) -> None:
+    """Insert one action of a drive under its number within the page."""
+    row = {"number": number, "action": step.action, "elapsed_ms": step.elapsed_ms}
+    of_page = {"participant_id": participant_id, "page_number": page.number, "page_kind": page.kind}
+    trial = trial_number(connection, participant_id, page)
+    connection.execute(insert(drive_steps).values(**of_page, **row, trial_number=trial, received_at=now))
+
+
+def trial_number(connection: Connection, participant_id: int, page: Page) -> int | None:
+    """Return the number of the trial that a page belongs to; None before the trials."""
+    if page.trial is None:
+        return None
+    query = select(trials.c.number).where(
+        trials.c.participant_id == participant_id,
+        trials.c.experiment == page.trial.experiment,
+        trials.c.position == page.trial.position,
+    )
+    return int(connection.execute(query).scalar_one())
+
+
+def _rows(entries: Sequence[Answer] | Sequence[Prediction], kind: type[Answer | Prediction]) -> list[dict[str, object]]:
+    return [{field.name: getattr(entry, field.name) for field in fields(kind)} for entry in entries]
+
+
+def _rating_rows(given: Ratings | None) -> list[dict[str, object]]:
+    if given is None:
+        return []
+    return [
+        {"item": item, "rating": rating, "response_time_ms": given.response_times[item]}
+        for item, rating in given.values.items()
+    ]
+
+
+def _drive_rows(result: DriveResult | None) -> list[dict[str, object]]:
+    if result is None:
+        return []
+    row = {field.name: getattr(result, field.name) for field in fields(DriveResult)}
+    lists = {name: " ".join(map(str, row[name])) for name in ("subgoals_passed", "key_points")}
+    return [row | lists]
+
+
+def _event_rows(entries: Sequence[Event], page: Page) -> list[dict[str, object]]:
+    """Return a log to store; on the page of background questions without what was answered and taken back again."""
+    is_private = page.kind == "background"
+    return [
+        {
+            "number": number,
+            "event": entry.name,
+            "target": entry.target,
+            "value": "" if is_private else entry.value,
+            "at_ms": entry.at_ms,
+        }
+        for number, entry in enumerate(entries, start=1)
+    ]

@@ -1,0 +1,163 @@
+"""The flow of participants as a figure: SVG that any browser and word processor shows, with its numbers as text."""
+
+import textwrap
+from collections.abc import Iterator, Sequence
+from xml.sax.saxutils import escape
+
+from webapp.storage.consort import FATES, Counts, Fate, Flow
+
+_WIDTH = 1100
+_LINE = 20
+_MAIN, _SIDE = 400, 440
+"""Widths of the boxes in the middle and at the side."""
+_LEFT = 60
+_GAP = 36
+_WORDS: dict[Fate, str] = {
+    "withdrawn": "left the study",
+    "screened_out": "screened out by the quiz",
+    "in_progress": "began and did not finish",
+    "completed": "completed",
+}
+_COLUMNS = ("allocated", "left", "screened", "unfinished", "completed", "excluded", "analysed")
+_FIRST_COLUMN = 290
+_STYLE = (
+    "text{font:15px system-ui,sans-serif;fill:#1a1a1a}.head{font-weight:600}.small{font-size:13px}"
+    "rect{fill:#fff;stroke:#1a1a1a;stroke-width:1.2}line{stroke:#1a1a1a;stroke-width:1.2}.rule{stroke:#aaa}"
+)
+
+
+def draw_flows(flows: Sequence[Flow]) -> str:
+    """Draw one flow under the other."""
+    parts: list[str] = []
+    y = 20
+    for flow in flows:
+        y = _draw(parts, flow, y) + 2 * _GAP
+    if not flows:
+        parts.append(_text(_LEFT, y + _LINE, "No participants."))
+        y += 3 * _LINE
+    told = " ".join(_sentence(flow) for flow in flows) or "No participants."
+    return "\n".join(
+        [
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {y}" width="{_WIDTH}" height="{y}"',
+            ' role="img" aria-labelledby="title desc">',
+            '<title id="title">Flow of participants</title>',
+            f'<desc id="desc">{escape(told)}</desc>',
+            f"<style>{_STYLE}</style>",
+            '<defs><marker id="arrow" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="8" markerHeight="8"',
+            ' orient="auto"><path d="M0 0 8 4 0 8z" fill="#1a1a1a"/></marker></defs>',
+            f'<rect x="0" y="0" width="{_WIDTH}" height="{y}" style="stroke:none"/>',
+            *parts,
+            "</svg>",
+            "",
+        ]
+    )
+
+
+def _draw(parts: list[str], flow: Flow, y: int) -> int:
+    """Draw a flow below `y`, and return where it ends."""
+    scope, counts = flow.scope, flow.everybody
+    title = f"{scope.study}, version {scope.study_version[:12]}, mode {scope.mode}"
+    parts.append(_text(_LEFT, y + _LINE, title, "head"))
+    y += 2 * _LINE
+    dropped = [f"{_WORDS[fate]} (n = {counts.fates[fate]})" for fate in FATES[:-1]]
+    reasons = [f"{reason} (n = {n})" for reason, n in counts.excluded.most_common()]
+    y = _step(parts, y, [f"Agreed and allocated (n = {counts.allocated})"], is_first=True)
+    y = _aside(parts, y, f"Did not complete (n = {counts.dropped})", dropped)
+    y = _step(parts, y, [f"Completed (n = {counts.fates['completed']})"])
+    y = _aside(parts, y, f"Excluded after completing (n = {counts.excluded.total()})", reasons)
+    y = _step(parts, y, [f"Analysed (n = {counts.analysed})"])
+    if flow.num_erased:
+        told = f"Besides these, everything of {flow.num_erased} who had agreed was erased at their own wish."
+        parts.append(_text(_LEFT, y + _GAP, told, "small"))
+        y += _LINE
+    return _tables(parts, flow, y + _GAP)
+
+
+def _step(parts: list[str], y: int, lines: Sequence[str], *, is_first: bool = False) -> int:
+    """Draw a box in the middle, with the arrow that leads to it from above."""
+    if not is_first:
+        parts.append(_arrow(_LEFT + _MAIN // 2, y, _LEFT + _MAIN // 2, y + _GAP // 2))
+        y += _GAP // 2
+    return _box(parts, _LEFT, y, _MAIN, lines)
+
+
+def _aside(parts: list[str], y: int, head: str, lines: Sequence[str]) -> int:
+    """Draw a box at the side of the line down the middle."""
+    x, middle = _WIDTH - _LEFT - _SIDE, _LEFT + _MAIN // 2
+    unbroken = [line.replace("n = ", "n\u00a0=\u00a0") for line in lines]
+    wrapped = [head, *(piece for line in unbroken for piece in textwrap.wrap(line, 50, subsequent_indent="    "))]
+    end = _box(parts, x, y + _GAP // 2, _SIDE, wrapped)
+    beside = (y + _GAP // 2 + end) // 2
+    parts.append(f'<line x1="{middle}" y1="{y}" x2="{middle}" y2="{end}"/>')
+    parts.append(_arrow(middle, beside, x, beside))
+    return end
+
+
+def _box(parts: list[str], x: int, y: int, width: int, lines: Sequence[str]) -> int:
+    height = len(lines) * _LINE + 16
+    parts.append(f'<rect x="{x}" y="{y}" width="{width}" height="{height}"/>')
+    for number, line in enumerate(lines):
+        indent = len(line) - len(line.lstrip())
+        style = "head" if number == 0 else ""
+        parts.append(_text(x + 14 + 4 * indent, y + 8 + 15 + number * _LINE, line.strip(), style))
+    return y + height
+
+
+def _tables(parts: list[str], flow: Flow, y: int) -> int:
+    """Draw the numbers of arrangements and kinds as tables."""
+    for experiment in sorted({key[0] for key in flow.arrangements}):
+        rows = [
+            (f"{arrangement}/{order}: {' · '.join(flow.kinds_of[name, arrangement, order])}", counts)
+            for (name, arrangement, order), counts in sorted(flow.arrangements.items())
+            if name == experiment
+        ]
+        y = _table(
+            parts, f"Experiment {experiment}: arrangement/order of layouts, and the kinds as they were shown", rows, y
+        )
+        of_kinds = [(kind, counts) for (name, kind), counts in sorted(flow.kinds.items()) if name == experiment]
+        y = _table(parts, f"Experiment {experiment}: kind of explanation", of_kinds, y + _LINE)
+        y += _LINE
+    return y
+
+
+def _table(parts: list[str], head: str, rows: Sequence[tuple[str, Counts]], y: int) -> int:
+    width = (_WIDTH - 2 * _LEFT - _FIRST_COLUMN) // len(_COLUMNS)
+    ends = [_LEFT + _FIRST_COLUMN + width * (number + 1) for number in range(len(_COLUMNS))]
+    parts.append(_text(_LEFT, y + 15, head, "head small"))
+    y += _LINE
+    parts += [_text(x, y + 15, name, "head small", anchor="end") for x, name in zip(ends, _COLUMNS, strict=True)]
+    y += _LINE
+    for name, counts in rows:
+        lines = textwrap.wrap(name, 36, subsequent_indent="    ") or [""]
+        parts.append(f'<line class="rule" x1="{_LEFT}" y1="{y + 2}" x2="{_WIDTH - _LEFT}" y2="{y + 2}"/>')
+        for number, line in enumerate(lines):
+            parts.append(_text(_LEFT, y + 17 + number * _LINE, line, "small"))
+        parts += [_text(x, y + 17, str(n), "small", anchor="end") for x, n in zip(ends, _numbers(counts), strict=True)]
+        y += len(lines) * _LINE
+    return y
+
+
+def _numbers(counts: Counts) -> Iterator[int]:
+    yield counts.allocated
+    yield from (counts.fates[fate] for fate in FATES)
+    yield counts.excluded.total()
+    yield counts.analysed
+
+
+def _sentence(flow: Flow) -> str:
+    counts = flow.everybody
+    return (
+        f"{flow.scope.study}, {flow.scope.mode}: {counts.allocated} agreed and were allocated, {counts.dropped} did "
+        f"not complete, {counts.fates['completed']} completed, {counts.excluded.total()} of them were excluded, "
+        f"{counts.analysed} are analysed."
+    )
+
+
+def _arrow(x1: int, y1: int, x2: int, y2: int) -> str:
+    return f'<line x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}" marker-end="url(#arrow)"/>'
+
+
+def _text(x: int, y: int, text: str, style: str = "", *, anchor: str = "start") -> str:
+    kind = f' class="{style}"' if style else ""
+    where = "" if anchor == "start" else f' text-anchor="{anchor}"'
+    return f'<text x="{x}" y="{y}"{kind}{where}>{escape(text)}</text>'

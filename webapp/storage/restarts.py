@@ -1,0 +1,56 @@
+"""Pages that a researcher let a participant begin anew: what was done on them before stays, and counts no more."""
+
+from dataclasses import dataclass
+
+from sqlalchemy import Connection, func, select
+
+from webapp.storage.tables import answers, drive_steps, page_restarts
+
+
+@dataclass(frozen=True, slots=True)
+class Restart:
+    """Where a page was begun last.
+
+    Attributes:
+        participant_id: Whose page it is.
+        page: The page's number.
+        number: How often it was begun anew.
+        after_step: The number of the drive's last action before that; 0 if there was none.
+        after_attempt: The number of the last attempt at its questions before that; 0 if there was none.
+    """
+
+    participant_id: int
+    page: int
+    number: int
+    after_step: int
+    after_attempt: int
+
+
+def latest_restart(connection: Connection, participant_id: int, page: int) -> Restart:
+    """Return where a page was begun last; for most pages that is their beginning."""
+    query = (
+        select(page_restarts.c.number, page_restarts.c.after_step, page_restarts.c.after_attempt)
+        .where(page_restarts.c.participant_id == participant_id, page_restarts.c.page_number == page)
+        .order_by(page_restarts.c.number.desc())
+        .limit(1)
+    )
+    row = connection.execute(query).one_or_none()
+    return Restart(participant_id, page, *(0, 0, 0) if row is None else tuple(row))
+
+
+def num_steps_since(connection: Connection, restart: Restart) -> int:
+    """Return how many actions of the page's drive are stored since then."""
+    query = select(func.count()).where(
+        drive_steps.c.participant_id == restart.participant_id,
+        drive_steps.c.page_number == restart.page,
+        drive_steps.c.number > restart.after_step,
+    )
+    return connection.execute(query).scalar_one()
+
+
+def num_attempts_since(connection: Connection, restart: Restart) -> int:
+    """Return how many attempts at the page's questions are stored since then."""
+    query = select(func.max(answers.c.attempt)).where(
+        answers.c.participant_id == restart.participant_id, answers.c.page_number == restart.page
+    )
+    return max((connection.execute(query).scalar_one() or 0) - restart.after_attempt, 0)

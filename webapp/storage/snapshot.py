@@ -1,0 +1,47 @@
+"""One state of the database, held apart: whoever reads it long keeps no participant waiting."""
+
+import os
+import sqlite3
+import tempfile
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+from sqlalchemy import Connection, StaticPool, create_engine
+
+from webapp.storage.database import Database
+
+
+@contextmanager
+def snapshot(database: Database) -> Iterator[Connection]:
+    """Copy the database, which takes a moment, and open a transaction on the copy.
+
+    The copy lies in the instance's folder, is closed to others, and has no name any more once it is complete: nothing
+    is left of it when the process ends, however it ends.
+    """
+    handle, path = tempfile.mkstemp(prefix=".snapshot-", dir=database.path.parent)
+    os.close(handle)
+    try:
+        copy = sqlite3.connect(path, check_same_thread=False)
+    except BaseException:
+        Path(path).unlink()
+        raise
+    with closing(copy):
+        try:
+            copy.execute("PRAGMA journal_mode=OFF").close()
+            copy.execute("PRAGMA synchronous=OFF").close()
+            _copy(database, copy)
+        finally:
+            Path(path).unlink()
+        copy.isolation_level = None
+        copy.execute("PRAGMA query_only=ON").close()
+        engine = create_engine("sqlite://", creator=lambda: copy, poolclass=StaticPool, hide_parameters=True)
+        with engine.connect() as connection:
+            yield connection
+
+
+def _copy(database: Database, copy: sqlite3.Connection) -> None:
+    with database.read() as connection:
+        original = connection.connection.driver_connection
+        assert isinstance(original, sqlite3.Connection)  # noqa: S101 - for the type checker
+        original.backup(copy)

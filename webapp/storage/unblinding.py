@@ -1,0 +1,67 @@
+"""Who may see which arm is which: nobody, until an owner opens the mask for themselves, which is recorded for ever."""
+
+import hashlib
+import hmac
+from collections.abc import Mapping
+from datetime import datetime
+
+from webapp.storage.database import Database
+from webapp.storage.participants import Participant
+from webapp.storage.people import checked
+from webapp.storage.records import Entry, append, told_by
+from webapp.storage.scope import Scope
+from webapp.study.protocol import Study
+
+
+def is_unblinded(database: Database, account: str, scope: Scope) -> bool:
+    """Tell whether an account sees which arm is which."""
+    with database.read() as connection:
+        return any(actor == account for _, _, actor, *_ in told_by(connection, "unblinded", scope=scope))
+
+
+def unblind(database: Database, account: str, scope: Scope, reason: str, now: datetime) -> None:
+    """Show an account from now on which arm is which.
+
+    Raises:
+        webapp.storage.people.PersonError: The reason is missing or too long.
+    """
+    content = {"reason": checked("reason", reason)}
+    with database.write() as connection:
+        append(connection, Entry(now, account, "unblinded", scope, content=content))
+
+
+def is_person_unblinded(database: Database, account: str, person: Participant) -> bool:
+    """Tell whether an account sees what one participant was shown."""
+    with database.read() as connection:
+        return any(
+            actor == account and participant_id == person.id
+            for _, _, actor, _, participant_id, *_ in told_by(connection, "person_unblinded", scope=person.scope)
+        )
+
+
+def unblind_person(database: Database, account: str, person: Participant, reason: str, now: datetime) -> None:
+    """Show an account what one participant was shown, such as to help them.
+
+    Raises:
+        webapp.storage.people.PersonError: The reason is missing or too long.
+    """
+    content = {"reason": checked("reason", reason)}
+    with database.write() as connection:
+        append(connection, Entry(now, account, "person_unblinded", person.scope, person.subject, content=content))
+
+
+def arm_labels(secret: bytes, scope: Scope, study: Study) -> Mapping[str, str]:
+    """Return what the kinds of explanation are called while they are masked: `Arm A`, `Arm B` and so on.
+
+    Which letter a kind gets follows from the instance's secret, so that it stays the same and cannot be guessed.
+    """
+    kinds = {kind for experiment in study.experiments for kind in experiment.kinds}
+    place = f"mask|{scope.study}|{scope.study_version}|{scope.mode}|"
+    order = sorted(kinds, key=lambda kind: hmac.new(secret, (place + kind).encode(), hashlib.sha256).digest())
+    return {kind: f"Arm {_letters(number)}" for number, kind in enumerate(order)}
+
+
+def _letters(number: int) -> str:
+    """Return A to Z, then AA, AB and so on."""
+    rest, letter = divmod(number, 26)
+    return (_letters(rest - 1) if rest else "") + chr(ord("A") + letter)

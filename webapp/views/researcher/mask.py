@@ -1,0 +1,125 @@
+"""What hides which arm is which: kinds of explanation become `Arm A`, `Arm B` and so on, in an order of their own.
+
+Views hand templates numbers that went through the mask, so that no page, attribute or address can tell a kind.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from typing import Any, TypeVar, cast
+
+from webapp.storage.live_numbers import Cell, CellUse, Numbers
+from webapp.storage.live_outcomes import Driven, DriveSummary, RatingSummary
+from webapp.study.counterbalancing import arrangements, layout_orders
+from webapp.study.experiments import TAILORED_KINDS, Experiment
+from webapp.study.protocol import Study
+
+NO_EXPLANATION = "none"
+"""The kind that asks less, because nothing was explained."""
+
+_Row = TypeVar("_Row")
+
+
+@dataclass(frozen=True, slots=True)
+class Mask:
+    """The mask of one account on one scope.
+
+    Attributes:
+        opened_at: Since when the account sees the arms; None while they are masked.
+        labels: What each kind is called while masked.
+    """
+
+    opened_at: datetime | None
+    labels: Mapping[str, str]
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the arms are seen."""
+        return self.opened_at is not None
+
+    def name(self, kind: str) -> str:
+        """Return what a kind is called on this account's pages."""
+        return kind.replace("_", " ") if self.is_open else self.labels[kind]
+
+    def numbers(self, numbers: Numbers, study: Study) -> Numbers:
+        """Return the numbers with kinds by the names they have here, in an order that does not tell them either."""
+        experiments = [experiment.id for experiment in study.experiments]
+        ratings, drives = numbers.ratings, numbers.drives
+        if not self.is_open:
+            ratings = tuple(row for row in ratings if _has_every_arm(study.experiment(row.experiment), row))
+            drives = tuple(_without_telling(study.experiment(row.experiment), row) for row in drives)
+        return replace(
+            numbers,
+            cells=self._rows(numbers.cells, experiments),
+            arms=self._rows(numbers.arms, experiments),
+            ratings=self._rows(ratings, experiments),
+            predictions=self._rows(numbers.predictions, experiments),
+            drives=self._rows(drives, experiments),
+        )
+
+    def leaves_out(self, study: Study) -> bool:
+        """Tell whether something is left out while masked, because only some arms have it."""
+        return not self.is_open and any(
+            not (_asks_every_arm(experiment) and _drives_in_every_arm(experiment)) for experiment in study.experiments
+        )
+
+    def _rows(self, rows: Iterable[_Row], experiments: Sequence[str]) -> tuple[_Row, ...]:
+        named: list[Any] = [replace(cast("Cell", row), kind=self.name(cast("Cell", row).kind)) for row in rows]
+        if not self.is_open:
+            named.sort(key=lambda row: (experiments.index(row.experiment), _place(row.kind)))
+        return tuple(named)
+
+    def arrangement(self, study: Study, use: CellUse) -> "Arranged":
+        """Return what an arrangement shows where; nothing of that while masked, because all of them tell the kinds."""
+        if not self.is_open:
+            return Arranged(None, (), use)
+        experiment = study.experiment(use.experiment)
+        kinds = arrangements(experiment)[use.arrangement]
+        order = layout_orders(experiment)[use.layout_order]
+        shown = tuple((experiment.layouts[place], self.name(kinds[place])) for place in order)
+        return Arranged(f"{use.arrangement}/{use.layout_order}", shown, use)
+
+
+@dataclass(frozen=True, slots=True)
+class Arranged:
+    """A row of the table of arrangements.
+
+    Attributes:
+        name: Arrangement and order of layouts by their numbers, as in the data; None while masked.
+        shown: Layouts with kinds, in the order in which participants see them; empty while masked.
+        use: How often it was given.
+    """
+
+    name: str | None
+    shown: tuple[tuple[str, str], ...]
+    use: CellUse
+
+
+def _has_every_arm(experiment: Experiment, row: RatingSummary) -> bool:
+    """Tell whether every arm is asked an item: who is not asked can be told by that."""
+    if NO_EXPLANATION not in experiment.kinds or len(experiment.kinds) == 1:
+        return True
+    return row.item in {item.id for item in experiment.items_for(NO_EXPLANATION)}
+
+
+def _asks_every_arm(experiment: Experiment) -> bool:
+    asks_all = experiment.items_for(NO_EXPLANATION) == experiment.items and not experiment.satisfaction
+    return NO_EXPLANATION not in experiment.kinds or asks_all
+
+
+def _drives_in_every_arm(experiment: Experiment) -> bool:
+    """Tell whether all arms, or none, drive before the explanation."""
+    num_tailored = len(TAILORED_KINDS.intersection(experiment.kinds))
+    drive = experiment.drive
+    return drive is None or drive.baseline or num_tailored in {0, len(experiment.kinds)}
+
+
+def _without_telling(experiment: Experiment, row: DriveSummary) -> DriveSummary:
+    if _drives_in_every_arm(experiment):
+        return row
+    return replace(row, before=Driven(None, None), gain=None)
+
+
+def _place(label: str) -> tuple[int, str]:
+    """Sort `Arm Z` before `Arm AA`."""
+    return len(label), label

@@ -1,0 +1,53 @@
+"""Signing in and out."""
+
+from typing import cast
+
+from flask import Response, g, redirect, render_template, request, url_for
+from flask.typing import ResponseReturnValue
+
+from webapp.storage.researchers import TooManyAttemptsError
+from webapp.storage.researchers import sign_in as open_session
+from webapp.storage.researchers import sign_out as close_session
+from webapp.views.forms import FormError
+from webapp.views.researcher.door import bp, in_words, researcher
+from webapp.views.security import delete_cookie, set_cookie
+from webapp.views.services import services
+
+
+@bp.get("/sign-in")
+def sign_in() -> ResponseReturnValue:
+    """Ask for name and password."""
+    if g.researcher is not None:
+        return redirect(url_for(".overview"), code=303)
+    return render_template("researcher/sign_in.html", errors=[], name="")
+
+
+@bp.post("/sign-in")
+def check_sign_in() -> ResponseReturnValue:
+    """Open a session for whoever knows the password."""
+    here = services()
+    name, password = request.form.get("name", "").strip(), request.form.get("password", "")
+    try:
+        token = open_session(here.database, name, password, here.clock())
+    except TooManyAttemptsError as error:
+        message = f"There were too many attempts. Try again in {in_words(error.wait_s)}."
+        return _refuse(name, message), 429, {"Retry-After": str(error.wait_s)}
+    if token is None:
+        return _refuse(name, "The name or the password is not right."), 422
+    response = redirect(url_for(".overview"), code=303)
+    set_cookie(cast("Response", response), here.config, "researcher", token, same_site="Strict", days=None)
+    return response
+
+
+@bp.post("/sign-out")
+def sign_out() -> ResponseReturnValue:
+    """End the session here and on the server."""
+    here = services()
+    close_session(here.database, researcher(), here.clock())
+    response = redirect(url_for(".sign_in"), code=303)
+    delete_cookie(cast("Response", response), here.config, "researcher")
+    return response
+
+
+def _refuse(name: str, message: str) -> str:
+    return render_template("researcher/sign_in.html", errors=[FormError("name", message)], name=name)
