@@ -39,7 +39,7 @@ format: install  ## Format the Python files and mend what can be mended
 	$(BIN)/ruff format .
 
 bench: install  ## Time what the documentation promises
-	@status=0; for part in promises exact_importance batched_sampling reachability scale pictures pages dashboard exports learning_runs sweeps; do \
+	@status=0; for part in promises exact_importance batched_sampling reachability scale pictures pages dashboard dashboard_pages exports learning_runs sweeps; do \
 		echo "== $$part"; $(BIN)/python -m tests.benchmarks.$$part || status=1; done; exit $$status
 
 soak: install install-browser  ## Many participants at once, then every way of taking part, against what is stored

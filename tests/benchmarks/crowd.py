@@ -9,7 +9,7 @@ from typing import Any
 from sqlalchemy import Table, insert
 
 from webapp.storage.database import Database
-from webapp.storage.records import FIRST_HASH, Action, chained, content_digest
+from webapp.storage.records import FIRST_HASH, Action, canonical, chained, content_digest
 from webapp.storage.schema import metadata
 from webapp.storage.scope import Scope
 from webapp.storage.tables import (
@@ -76,7 +76,9 @@ class Crowd:
         subject = hashlib.sha256(f"{salt}{code}".encode()).hexdigest()
         consented_at = START + number * BETWEEN_ARRIVALS
         who = {"participant_id": number}
-        self._record(rows, "allocated", consented_at, number, subject, salt)
+        drawn = [place | {"sizes": None, "uses": {}} for place in places]
+        place = {"word": None, "experiments": drawn, "draws": [], "num_draws": 0}
+        slot = self._record(rows, "allocated", consented_at, number, subject, "", content=place)
         self._record(rows, "consented", consented_at, number, subject, salt)
         rows.setdefault(arrangements, []).extend(who | place for place in places)
         rows.setdefault(trials, []).extend(
@@ -96,7 +98,8 @@ class Crowd:
         released_at = None
         if end != "completed" and at + LEASE < self._last_arrival:
             released_at = at + LEASE
-            self._record(rows, "slot_released", released_at, number, subject, salt)
+            why = {"slot": slot, "why": end or "expired"}
+            self._record(rows, "slot_released", released_at, number, subject, "", content=why)
         rows.setdefault(participants, []).append(person | self._ended(end, at) | {"slot_released_at": released_at})
 
     def _plan(self, number: int) -> tuple[Sequence[Any], list[dict[str, Any]]]:
@@ -184,15 +187,17 @@ class Crowd:
         subject: str,
         salt: str,
         page: int | None = None,
-    ) -> None:
-        """Add a record of the chain; its digest is of nothing, which no page of the dashboard looks at."""
+        content: dict[str, Any] | None = None,
+    ) -> int:
+        """Add a record of the chain and return its number; nobody verifies the digests of answers here."""
         self._num_records += 1
         scope = {"study": self._scope.study, "study_version": self._scope.study_version, "mode": self._scope.mode}
         row = {"number": self._num_records, "at": at, "actor": "system", "action": action, **scope}
-        row |= {"subject": subject, "content_digest": content_digest(salt, None)}
+        row |= {"subject": subject, "content_digest": content_digest(salt, content)}
         row |= chained(row, self._last_hash)
         self._last_hash = str(row["hash"])
         rows.setdefault(records, []).append(row)
         about = {"participant_id": number, "page_number": page, "part": None}
-        content = '{"experiments":[]}' if action == "allocated" else None
-        rows.setdefault(record_contents, []).append({"number": row["number"], **about, "content": content})
+        told = None if content is None else canonical(content)
+        rows.setdefault(record_contents, []).append({"number": row["number"], **about, "content": told})
+        return self._num_records

@@ -10,9 +10,6 @@ from webapp.command_line import refusals
 ROLES = ("viewer", "owner", "admin")
 """As in `webapp.storage.researchers`, which is loaded only when a verb runs."""
 
-_COMMAND = "(command line)"
-"""Who acts in the log, where it is whoever can run commands on this machine."""
-
 role_option = click.option(
     "--role",
     type=click.Choice(ROLES),
@@ -79,10 +76,11 @@ def give_role(name: str, role: str) -> None:
     from webapp.config import read_config
     from webapp.storage.accounts import change_role
     from webapp.storage.database import open_database
+    from webapp.storage.records import COMMAND_LINE
     from webapp.storage.researchers import ROLES as KNOWN
 
     with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
-        change_role(database, name, KNOWN[ROLES.index(role)], _COMMAND, datetime.now(UTC))
+        change_role(database, name, KNOWN[ROLES.index(role)], COMMAND_LINE, datetime.now(UTC))
     click.echo(f"The account {name!r} is {_article(role)} now.")
 
 
@@ -93,9 +91,10 @@ def disable_account(name: str) -> None:
     from webapp.config import read_config
     from webapp.storage.accounts import disable
     from webapp.storage.database import open_database
+    from webapp.storage.records import COMMAND_LINE
 
     with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
-        disable(database, name, _COMMAND, datetime.now(UTC))
+        disable(database, name, COMMAND_LINE, datetime.now(UTC))
     click.echo(f"The account {name!r} is closed, and signed out everywhere.")
 
 
@@ -106,9 +105,10 @@ def sign_out(name: str) -> None:
     from webapp.config import read_config
     from webapp.storage.accounts import revoke_sessions
     from webapp.storage.database import open_database
+    from webapp.storage.records import COMMAND_LINE
 
     with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
-        ended = revoke_sessions(database, name, _COMMAND, datetime.now(UTC))
+        ended = revoke_sessions(database, name, COMMAND_LINE, datetime.now(UTC))
     click.echo(f"The account {name!r} was signed out; sessions ended: {ended}.")
 
 

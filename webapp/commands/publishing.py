@@ -143,7 +143,7 @@ def _record(published: Published, config: "Config", note: str, now: datetime) ->
     """
     from webapp.stimuli.publication import lock, point_at, program_of
     from webapp.storage.database import open_database
-    from webapp.storage.records import SYSTEM, Entry, append
+    from webapp.storage.records import COMMAND_LINE, Entry, append
     from webapp.storage.scope import Scope
 
     folder = config.instance / "bundles" / published.version
@@ -154,7 +154,7 @@ def _record(published: Published, config: "Config", note: str, now: datetime) ->
         "previous": published.previous,
         "changes": list(published.changes),
     }
-    entry = Entry(now, SYSTEM, "published", Scope(published.study, published.version, "live"), content=content)
+    entry = Entry(now, COMMAND_LINE, "published", Scope(published.study, published.version, "live"), content=content)
     with open_database(config.database_path) as database, database.write() as connection:
         append(connection, entry)
         lock(folder)

@@ -7,8 +7,6 @@ import click
 
 from webapp.command_line import refusals, show_json
 
-_COMMAND = "(command line)"
-
 
 @click.command("verify-log")
 @click.option("--head", metavar="NUMBER:HASH", help="A head that was noted down before; the log must still contain it.")
@@ -86,12 +84,13 @@ def erase(code: str, *, yes: bool) -> None:
     from webapp.storage.database import open_database
     from webapp.storage.erasure import erase as erase_person
     from webapp.storage.people import find_person
+    from webapp.storage.records import COMMAND_LINE
 
     with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
         find_person(database, code)
         if not yes:
             click.confirm(f"Erase everything of participant {code!r}, for good?", abort=True)
-        erase_person(database, code, _COMMAND, datetime.now(UTC))
+        erase_person(database, code, COMMAND_LINE, datetime.now(UTC))
     click.echo(f"Participant {code!r} is erased. Delete their rows from files that were exported before.")
 
 

@@ -6,7 +6,7 @@ from datetime import datetime
 from sqlalchemy import ColumnElement, Connection, delete, func, insert, select, update
 
 from webapp.storage.database import Database
-from webapp.storage.records import Entry, append
+from webapp.storage.records import ACTORS, Entry, append
 from webapp.storage.researchers import ABSOLUTE_LIMIT, IDLE_LIMIT, Role, hash_password
 from webapp.storage.tables import researcher_sessions, researchers
 
@@ -67,6 +67,8 @@ def check_name(name: str) -> None:
     """
     if not name or len(name) > MAX_NAME_LENGTH or not name.isprintable() or name != name.strip():
         raise AccountError(f"{name!r} cannot be a name; use 1 to {MAX_NAME_LENGTH} characters, no blanks at the ends")
+    if name in ACTORS:
+        raise AccountError(f"{name!r} cannot be a name; the log uses it for somebody else")
 
 
 def create_researcher(database: Database, name: str, password: str, now: datetime, role: Role = "owner") -> None:

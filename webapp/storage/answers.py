@@ -7,7 +7,7 @@ from typing import Literal
 from sqlalchemy import Connection, select
 
 from webapp.storage.answer_rows import insert_answers, insert_page, insert_step, touch
-from webapp.storage.contents import attempt_rows, page_rows, step_rows
+from webapp.storage.contents import Stored, attempt_rows, page_rows, step_rows
 from webapp.storage.database import Database
 from webapp.storage.participants import Participant, read_participant
 from webapp.storage.records import PARTICIPANT, Entry, append
@@ -60,7 +60,7 @@ def store_page(
             _end_page(connection, fresh, page, nonce, content, attempt, now)
         elif attempt is not None:
             touch(connection, fresh, now)
-            rows = attempt_rows(connection, fresh.id, page.number, attempt)
+            rows = attempt_rows(Stored(connection), fresh.id, page.number, attempt)
             _record(connection, fresh, page, Entry(now, PARTICIPANT, "attempted", part=attempt, rows=rows))
     return "accept"
 
@@ -142,7 +142,7 @@ def _store_step(
             return "already_answered" if step.number <= stored else "too_early"
         number = restart.after_step + step.number
         insert_step(connection, fresh.id, page, step, number, now)
-        rows = step_rows(connection, fresh.id, page.number, number)
+        rows = step_rows(Stored(connection), fresh.id, page.number, number)
         _record(connection, fresh, page, Entry(now, PARTICIPANT, "acted", part=number, rows=rows))
         if ending is None:
             touch(connection, fresh, now)
@@ -169,7 +169,7 @@ def _end_page(
         completed_at=now if is_last else None,
         screened_out_at=now if content.screens_out else None,
     )
-    rows = page_rows(connection, participant.id, page.number, attempt)
+    rows = page_rows(Stored(connection), participant.id, page.number, attempt)
     _record(connection, participant, page, Entry(now, PARTICIPANT, "sent", part=attempt, rows=rows))
 
 

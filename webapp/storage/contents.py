@@ -1,9 +1,10 @@
 """What a record of a participant's doings tells: the rows that were stored, as they stand in the tables."""
 
+from collections import OrderedDict
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Protocol
 
-from sqlalchemy import ColumnElement, Connection, Table, select
+from sqlalchemy import Connection, Table, select
 
 from webapp.storage.tables import (
     answers,
@@ -19,7 +20,8 @@ from webapp.storage.tables import (
     trials,
 )
 
-_Rows = Mapping[str, Sequence[Mapping[str, Any]]]
+_Row = Mapping[str, Any]
+_Rows = Mapping[str, Sequence[_Row]]
 
 CONSENTED_COLUMNS = (
     "code",
@@ -36,43 +38,92 @@ CONSENTED_COLUMNS = (
 """What of a participant's row never changes."""
 
 
-def consent_rows(connection: Connection, participant_id: int) -> _Rows:
+class Source(Protocol):
+    """Where a participant's rows come from."""
+
+    def rows(self, table: Table, participant_id: int, **wanted: int) -> Sequence[_Row]:
+        """Return a participant's rows of a table that have some values, in the order of the primary key."""
+
+
+class Stored:
+    """Rows as one needs them: for what was written just now."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def rows(self, table: Table, participant_id: int, **wanted: int) -> Sequence[_Row]:
+        """Ask for these rows alone."""
+        owner = _owner(table)
+        columns = [column for column in table.columns if column.name != owner]
+        query = select(*columns).where(table.c[owner] == participant_id)
+        query = query.where(*(table.c[name] == value for name, value in wanted.items()))
+        found = self._connection.execute(query.order_by(*table.primary_key.columns)).mappings()
+        return [dict(row) for row in found]
+
+
+class Remembered:
+    """All rows of groups of participants: for reading a whole log, in which people who came together take turns."""
+
+    _GROUP = 256
+    _NUM_KEPT = 16
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._kept: OrderedDict[int, dict[str, dict[int, list[_Row]]]] = OrderedDict()
+
+    def rows(self, table: Table, participant_id: int, **wanted: int) -> Sequence[_Row]:
+        """Ask once for the rows of everybody in the participant's group, and choose among them."""
+        group = participant_id // self._GROUP
+        tables = self._kept.setdefault(group, {})
+        self._kept.move_to_end(group)
+        if len(self._kept) > self._NUM_KEPT:
+            self._kept.popitem(last=False)
+        if table.name not in tables:
+            tables[table.name] = self._read(table, group)
+        found = tables[table.name].get(participant_id, [])
+        return [row for row in found if all(row[name] == value for name, value in wanted.items())]
+
+    def _read(self, table: Table, group: int) -> dict[int, list[_Row]]:
+        owner = _owner(table)
+        first = group * self._GROUP
+        query = select(table).where(table.c[owner].between(first, first + self._GROUP - 1))
+        query = query.order_by(*table.primary_key.columns)
+        found: dict[int, list[_Row]] = {}
+        for row in self._connection.execute(query).mappings():
+            values = dict(row)
+            found.setdefault(values.pop(owner), []).append(values)
+        return found
+
+
+def consent_rows(source: Source, participant_id: int) -> _Rows:
     """Return what is stored with a consent."""
-    who = select(*(participants.c[name] for name in CONSENTED_COLUMNS)).where(participants.c.id == participant_id)
+    (person,) = source.rows(participants, participant_id) or ({},)
     return {
-        "participants": [dict(row) for row in connection.execute(who).mappings()],
-        **{table.name: _rows(connection, table, participant_id) for table in (recruits, arrangements, trials)},
+        "participants": [{name: person.get(name) for name in CONSENTED_COLUMNS}],
+        **{table.name: source.rows(table, participant_id) for table in (recruits, arrangements, trials)},
     }
 
 
-def attempt_rows(connection: Connection, participant_id: int, page: int, attempt: int) -> _Rows:
+def attempt_rows(source: Source, participant_id: int, page: int, attempt: int) -> _Rows:
     """Return the answers of one attempt at the questions of a page."""
-    return {
-        "answers": _rows(
-            connection, answers, participant_id, answers.c.page_number == page, answers.c.attempt == attempt
-        )
-    }
+    return {"answers": source.rows(answers, participant_id, page_number=page, attempt=attempt)}
 
 
-def step_rows(connection: Connection, participant_id: int, page: int, number: int) -> _Rows:
+def step_rows(source: Source, participant_id: int, page: int, number: int) -> _Rows:
     """Return one action of a drive."""
-    of_step = (drive_steps.c.page_number == page, drive_steps.c.number == number)
-    return {"drive_steps": _rows(connection, drive_steps, participant_id, *of_step)}
+    return {"drive_steps": source.rows(drive_steps, participant_id, page_number=page, number=number)}
 
 
-def page_rows(connection: Connection, participant_id: int, page: int, attempt: int | None) -> _Rows:
+def page_rows(source: Source, participant_id: int, page: int, attempt: int | None) -> _Rows:
     """Return what is stored with a page that was sent: of its answers, those of the last attempt."""
-    found: dict[str, Sequence[Mapping[str, Any]]] = {
-        table.name: _rows(connection, table, participant_id, table.c.page_number == page)
+    of_page = {
+        table.name: source.rows(table, participant_id, page_number=page)
         for table in (ratings, predictions, drives, events)
     }
-    found["pages"] = _rows(connection, pages, participant_id, pages.c.number == page)
-    return found if attempt is None else {**found, **attempt_rows(connection, participant_id, page, attempt)}
+    found = {**of_page, "pages": source.rows(pages, participant_id, number=page)}
+    return found if attempt is None else {**found, **attempt_rows(source, participant_id, page, attempt)}
 
 
-def _rows(
-    connection: Connection, table: Table, participant_id: int, *conditions: ColumnElement[bool]
-) -> list[dict[str, Any]]:
-    columns = [column for column in table.columns if column.name != "participant_id"]
-    query = select(*columns).where(table.c.participant_id == participant_id, *conditions)
-    return [dict(row) for row in connection.execute(query.order_by(*table.primary_key.columns)).mappings()]
+def _owner(table: Table) -> str:
+    """Return the column that says whose row it is."""
+    return "id" if table is participants else "participant_id"

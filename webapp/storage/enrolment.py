@@ -8,7 +8,7 @@ from typing import cast
 
 from sqlalchemy import Connection, insert, select
 
-from webapp.storage.contents import consent_rows
+from webapp.storage.contents import Stored, consent_rows
 from webapp.storage.database import Database
 from webapp.storage.ledger import allocate, release_abandoned, taken_slots
 from webapp.storage.participants import Participant, read_participant
@@ -94,7 +94,12 @@ def enrol(database: Database, enrolment: Enrolment, now: datetime) -> Participan
         assert stored is not None  # noqa: S101 - for the type checker: it was inserted just now
         drawn = Entry(now, SYSTEM, "allocated", enrolment.scope, stored.subject, content=allocation.content)
         agreed = Entry(
-            now, PARTICIPANT, "consented", enrolment.scope, stored.subject, rows=consent_rows(connection, stored.id)
+            now,
+            PARTICIPANT,
+            "consented",
+            enrolment.scope,
+            stored.subject,
+            rows=consent_rows(Stored(connection), stored.id),
         )
         append(connection, drawn)
         append(connection, agreed)

@@ -11,7 +11,7 @@ from sqlalchemy import Connection
 from webapp.storage import export_columns, export_rows, people_rows, quality_rows, wide_rows
 from webapp.storage.csv_files import Written, write_table
 from webapp.storage.database import Database
-from webapp.storage.records import SYSTEM, Entry, append
+from webapp.storage.records import COMMAND_LINE, Entry, append
 from webapp.storage.streams import Row
 from webapp.storage.variables import Variable
 from webapp.storage.wanted import AS_STORED, Wanted
@@ -91,7 +91,7 @@ def export_recruits(database: Database, path: Path, now: datetime) -> int:
         raise ExportError(f"{path}: {error.strerror}") from error
     try:
         with os.fdopen(handle, "wb") as file, database.write() as connection:
-            append(connection, Entry(now, SYSTEM, "downloaded", content={"file": RECRUITS}))
+            append(connection, Entry(now, COMMAND_LINE, "downloaded", content={"file": RECRUITS}))
             return write_csv(connection, RECRUITS, file).num_rows or 0
     except BaseException as error:
         path.unlink()

@@ -6,7 +6,7 @@ from datetime import datetime
 from sqlalchemy import Column, Connection, func, insert, select, update
 
 from webapp.storage.answer_rows import trial_number
-from webapp.storage.contents import page_rows
+from webapp.storage.contents import Stored, page_rows
 from webapp.storage.database import Database
 from webapp.storage.participants import Participant, hash_token
 from webapp.storage.people import PersonError, checked, read_person, record_about
@@ -32,7 +32,7 @@ def release_page(database: Database, code: str, page: Page, reason: str, actor: 
             connection.execute(ended)
         content = {"page": page.number, "reason": told}
         record_about(connection, person, Entry(now, actor, "page_released", page=page.number, content=content))
-        rows = page_rows(connection, person.id, page.number, None)
+        rows = page_rows(Stored(connection), person.id, page.number, None)
         record_about(connection, person, Entry(now, actor, "sent", page=page.number, rows=rows))
 
 

@@ -54,7 +54,11 @@ LEDGER: frozenset[str] = frozenset({"allocated", "slot_released", "slot_resumed"
 
 PARTICIPANT = "participant"
 SYSTEM = "system"
-"""Who acts besides researchers, who act under the names of their accounts."""
+COMMAND_LINE = "(command line)"
+"""Who acts besides researchers, who act under the names of their accounts: whoever can run commands on the machine."""
+
+ACTORS = frozenset({PARTICIPANT, SYSTEM, COMMAND_LINE})
+"""Names that no account may have."""
 
 FIRST_HASH = "0" * 64
 """What stands for the hash before the first record."""

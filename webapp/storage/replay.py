@@ -11,6 +11,7 @@ from sqlalchemy import Connection, select
 from webapp.storage.database import Database
 from webapp.storage.records import Action, told_by
 from webapp.storage.scope import Scope
+from webapp.storage.snapshot import snapshot
 from webapp.storage.tables import participants, records
 from webapp.study.counterbalancing import choose_cell
 from webapp.study.draws import Draws
@@ -58,7 +59,7 @@ def replay(database: Database) -> Replay:
     problems: list[str] = []
     ledgers: dict[Scope, _Ledger] = {}
     num_allocations = num_before = 0
-    with database.read() as connection:
+    with snapshot(database) as connection:
         scopes = _scopes(connection)
         for number, _, _, action, _, _, content in told_by(connection, *_ACTIONS):
             ledger = ledgers.setdefault(scopes[number], _Ledger())

@@ -7,9 +7,10 @@ from typing import Any
 
 from sqlalchemy import Connection, func, select
 
-from webapp.storage.contents import attempt_rows, consent_rows, page_rows, step_rows
+from webapp.storage.contents import Remembered, Source, attempt_rows, consent_rows, page_rows, step_rows
 from webapp.storage.database import Database
 from webapp.storage.records import FIRST_HASH, LEDGER, Head, Subject, chained, content_digest
+from webapp.storage.snapshot import snapshot
 from webapp.storage.tables import answers, drive_steps, page_restarts, pages, participants, record_contents, records
 
 _MOST_TOLD = 100
@@ -42,9 +43,10 @@ def verify_log(database: Database, known: tuple[int, str] | None = None) -> Veri
     """
     problems: list[str] = []
     is_there = known is None
-    with database.read() as connection:
+    with snapshot(database) as connection:
         head, num_erased = Head(0, FIRST_HASH), 0
         subjects = _subjects(connection)
+        source = Remembered(connection)
         present = {subject.digest for subject in subjects.values()}
         for told in _records(connection):
             problems += _chain_problems(told, head)
@@ -53,7 +55,7 @@ def verify_log(database: Database, known: tuple[int, str] | None = None) -> Veri
             is_erased = told["subject"] is not None and told["subject"] not in present
             num_erased += is_erased
             if not is_erased or told["action"] in LEDGER:
-                problems += _content_problems(connection, told, subjects)
+                problems += _content_problems(source, told, subjects)
         if known is not None and not is_there:
             problems.append(f"the log does not contain record {known[0]} with the hash {known[1]}")
         problems += _unrecorded(connection)
@@ -82,7 +84,7 @@ def _chain_problems(row: Mapping[str, Any], last: Head) -> Iterator[str]:
         yield f"record {number} ({row['action']}) is not what its hash says"
 
 
-def _content_problems(connection: Connection, row: Mapping[str, Any], subjects: Mapping[int, Subject]) -> Iterator[str]:
+def _content_problems(source: Source, row: Mapping[str, Any], subjects: Mapping[int, Subject]) -> Iterator[str]:
     number, participant_id, action = row["number"], row["participant_id"], row["action"]
     if row["told"] is None:
         yield f"record {number} ({action}) has lost what it tells"
@@ -91,23 +93,25 @@ def _content_problems(connection: Connection, row: Mapping[str, Any], subjects: 
     if subject is not None and subject.digest != row["subject"]:
         yield f"record {number} ({action}) is about somebody else than participant {subject.code}"
     salt = "" if subject is None or action in LEDGER else subject.salt
-    told = _told(connection, row) if row["content"] is None else json.loads(row["content"])
+    told = _told(source, row) if row["content"] is None else json.loads(row["content"])
     if content_digest(salt, told) != row["content_digest"]:
         place = "" if row["page_number"] is None else f", page {row['page_number']}"
         yield f"record {number} ({action}{place}): what it tells was changed"
 
 
-def _told(connection: Connection, row: Mapping[str, Any]) -> Mapping[str, Any] | None:
+def _told(source: Source, row: Mapping[str, Any]) -> Mapping[str, Any] | None:
     who, page, part = row["participant_id"], row["page_number"], row["part"]
+    if who is None:
+        return None
     match row["action"]:
         case "consented":
-            return consent_rows(connection, who)
+            return consent_rows(source, who)
         case "attempted":
-            return attempt_rows(connection, who, page, part)
+            return attempt_rows(source, who, page, part)
         case "acted":
-            return step_rows(connection, who, page, part)
+            return step_rows(source, who, page, part)
         case "sent":
-            return page_rows(connection, who, page, part)
+            return page_rows(source, who, page, part)
         case _:
             return None
 

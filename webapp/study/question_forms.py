@@ -148,7 +148,8 @@ def _all_or_problems(
 
 def _background_answer(form: Mapping[str, str], question: BackgroundQuestion) -> Answer | FieldProblem:
     field = answer_field(question.id)
-    text = form.get(field, "").strip()
+    # No keyboard gives a NUL, and programs that read the data stumble over it.
+    text = form.get(field, "").replace("\0", "").strip()
     if form.get(refusal_field(question.id)) == "yes" or text == PREFER_NOT_TO_SAY:
         return Answer(question.id, PREFER_NOT_TO_SAY)
     if not text:

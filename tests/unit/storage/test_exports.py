@@ -277,7 +277,7 @@ def test_that_recruits_were_written_is_recorded_and_a_refusal_is_not(database: D
         export_recruits(database, tmp_path / "recruits.csv", NOW)
     with closing(sqlite3.connect(database.path)) as connection:
         query = "SELECT actor, content FROM records JOIN record_contents USING (number) WHERE action = 'downloaded'"
-        assert connection.execute(query).fetchall() == [("system", '{"file":"recruits.csv"}')]
+        assert connection.execute(query).fetchall() == [("(command line)", '{"file":"recruits.csv"}')]
 
 
 def test_what_was_driven_before_a_drive_was_begun_anew_is_in_the_events_alone(database: Database) -> None:

@@ -15,7 +15,7 @@ from webapp.storage.accounts import (
     revoke_sessions,
 )
 from webapp.storage.database import Database
-from webapp.storage.records import told_by
+from webapp.storage.records import ACTORS, told_by
 from webapp.storage.researchers import (
     ROLES,
     ResearcherSession,
@@ -64,7 +64,7 @@ def test_an_account_is_made_once(database: Database, account: str) -> None:
         create_researcher(database, account, PASSWORD, NOW)
 
 
-@pytest.mark.parametrize("name", ["", " blank", "blank ", "x" * 65, "two\nlines"])
+@pytest.mark.parametrize("name", ["", " blank", "blank ", "x" * 65, "two\nlines", *sorted(ACTORS)])
 def test_bad_names_are_refused(database: Database, name: str) -> None:
     with pytest.raises(AccountError, match="cannot be a name"):
         create_researcher(database, name, PASSWORD, NOW)
