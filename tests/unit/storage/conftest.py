@@ -4,7 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.unit.storage.exported import LATER, files_of, take_part, wanted_of
 from webapp.storage.database import Database, open_database
+from webapp.storage.dataset import export
 
 
 @pytest.fixture(scope="session")
@@ -21,3 +23,17 @@ def database(tmp_path: Path, empty_database: Path) -> Iterator[Database]:
     opened = Database(tmp_path / empty_database.name)
     yield opened
     opened.close()
+
+
+@pytest.fixture
+def live(database: Database) -> Database:
+    """A database with live data."""
+    take_part(database)
+    return database
+
+
+@pytest.fixture
+def files(live: Database, tmp_path: Path) -> dict[str, bytes]:
+    """What an export of it holds, by path."""
+    export(live, tmp_path / "out", wanted_of(live), LATER)
+    return files_of(tmp_path / "out")

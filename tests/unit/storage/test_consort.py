@@ -2,9 +2,7 @@ import json
 from datetime import timedelta
 from pathlib import Path
 
-import pytest
-
-from tests.unit.storage.exported import LATER, STUDY, files_of, rows_of, take_part, texts_of, wanted_of
+from tests.unit.storage.exported import LATER, STUDY, files_of, rows_of, texts_of, wanted_of
 from tests.unit.storage.people import NOW
 from tests.unit.storage.rows import write_rows
 from webapp.storage.database import Database
@@ -12,19 +10,6 @@ from webapp.storage.dataset import data_name, export
 from webapp.storage.erasure import erase
 from webapp.storage.people import exclude
 from webapp.storage.wanted import Wanted
-
-
-@pytest.fixture
-def live(database: Database) -> Database:
-    """A database with live data."""
-    take_part(database)
-    return database
-
-
-@pytest.fixture
-def files(live: Database, tmp_path: Path) -> dict[str, bytes]:
-    export(live, tmp_path / "out", wanted_of(live), LATER)
-    return files_of(tmp_path / "out")
 
 
 def test_the_flow_adds_up_and_is_the_same_in_all_three_forms(files: dict[str, bytes]) -> None:

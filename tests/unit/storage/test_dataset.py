@@ -11,7 +11,7 @@ from typing import IO
 
 import pytest
 
-from tests.unit.storage.exported import LATER, STUDY, files_of, rows_of, take_part, texts_of, wanted_of
+from tests.unit.storage.exported import LATER, STUDY, files_of, rows_of, texts_of, wanted_of
 from tests.unit.storage.people import NOW, enrol_somebody
 from tests.unit.storage.readers import read_described
 from tests.unit.storage.rows import write_rows
@@ -24,19 +24,6 @@ from webapp.storage.wanted import AS_STORED, Wanted
 
 DATA_FILE = re.compile(r"data/([a-z]+-[A-Za-z0-9]+_)+data\.csv")
 """The name that Psych-DS wants: keywords and values, then `data`."""
-
-
-@pytest.fixture
-def live(database: Database) -> Database:
-    """A database with live data."""
-    take_part(database)
-    return database
-
-
-@pytest.fixture
-def files(live: Database, tmp_path: Path) -> dict[str, bytes]:
-    export(live, tmp_path / "out", wanted_of(live), LATER)
-    return files_of(tmp_path / "out")
 
 
 def test_the_folder_is_as_psych_ds_wants_it(files: dict[str, bytes]) -> None:

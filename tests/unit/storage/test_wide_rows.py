@@ -1,26 +1,11 @@
 from pathlib import Path
 
-import pytest
-
-from tests.unit.storage.exported import LATER, STUDY, files_of, rows_of, take_part, wanted_of
+from tests.unit.storage.exported import LATER, STUDY, files_of, rows_of, wanted_of
 from tests.unit.storage.people import enrol_somebody
 from tests.unit.storage.rows import write_rows
 from webapp.storage.database import Database
 from webapp.storage.dataset import data_name, export
 from webapp.storage.wanted import AS_STORED, Wanted, bundles_in
-
-
-@pytest.fixture
-def live(database: Database) -> Database:
-    """A database with live data."""
-    take_part(database)
-    return database
-
-
-@pytest.fixture
-def files(live: Database, tmp_path: Path) -> dict[str, bytes]:
-    export(live, tmp_path / "out", wanted_of(live), LATER)
-    return files_of(tmp_path / "out")
 
 
 def test_a_row_of_the_wide_file_holds_what_the_long_ones_do(database: Database, tmp_path: Path) -> None:
