@@ -1,13 +1,16 @@
 """`xar study`: new, check, publish, verify."""
 
 import json
+import sqlite3
 from collections.abc import Mapping
+from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
 from sqlalchemy import select
+from sqlalchemy.exc import DBAPIError
 
 from tests.unit.stimuli.study_folders import change, nobody, quietly, set_texts, small_study
 from webapp.command_line import OneLineErrors
@@ -18,7 +21,7 @@ from webapp.stimuli import build, publication
 from webapp.stimuli.agents import planner_agents
 from webapp.stimuli.catalogue import BundleError
 from webapp.stimuli.program import Program
-from webapp.stimuli.publication import check_published, unlock
+from webapp.stimuli.publication import check_published, point_at, unlock
 from webapp.storage.database import DatabaseError, open_database
 from webapp.storage.tables import record_contents, records
 from webapp.storage.verification import verify_log
@@ -132,7 +135,7 @@ def test_placeholders_are_not_published(tmp_path: Path, instance: Path) -> None:
 
 def test_publishing_freezes_records_and_points(ready: Path, instance: Path) -> None:
     published = publish(ready, instance, "First wave")
-    assert (published.is_new, published.previous, published.changes) == (True, None, ())
+    assert (published.is_new, published.is_recorded, published.previous, published.changes) == (True, True, None, ())
     folder = check_published(instance, "sakai2021")
     assert folder.name == published.version
     assert all(path.stat().st_mode & 0o222 == 0 for path in (folder, *folder.rglob("*")))
@@ -145,7 +148,7 @@ def test_publishing_freezes_records_and_points(ready: Path, instance: Path) -> N
 
 def test_publishing_the_same_again_does_nothing(ready: Path, instance: Path) -> None:
     first, again = publish(ready, instance), publish(ready, instance)
-    assert (again.is_new, again.version) == (False, first.version)
+    assert (again.is_new, again.is_recorded, again.version) == (False, False, first.version)
     assert again.lines() == [f"Study sakai2021 is published as it is: version {first.version}. Nothing was done."]
     assert len(published_records(instance)) == 1
 
@@ -187,6 +190,82 @@ def test_what_cannot_be_recorded_is_not_published(ready: Path, instance: Path) -
     (instance / "xar.sqlite3").write_text("no database", encoding="utf-8")
     with pytest.raises(DatabaseError, match=r"xar\.sqlite3"):
         publish(ready, instance)
+    with pytest.raises(BundleError, match="is not published"):
+        check_published(instance, "sakai2021")
+
+
+def break_commits(instance: Path) -> None:
+    """Let every transaction that writes a record fail when it is to be committed, and not before."""
+    with closing(sqlite3.connect(instance / "xar.sqlite3")) as connection:
+        connection.executescript(
+            "CREATE TABLE broken (number REFERENCES records (number) DEFERRABLE INITIALLY DEFERRED);"
+            "CREATE TRIGGER breaks AFTER INSERT ON records BEGIN INSERT INTO broken VALUES (-1); END;"
+        )
+
+
+def mend_commits(instance: Path) -> None:
+    with closing(sqlite3.connect(instance / "xar.sqlite3")) as connection:
+        connection.executescript("DROP TRIGGER breaks; DROP TABLE broken;")
+
+
+def test_a_record_that_does_not_reach_the_disk_publishes_nothing_and_publishing_again_does(
+    ready: Path, instance: Path
+) -> None:
+    first = publish(ready, instance)
+    break_commits(instance)
+    set_texts(ready, {"instructions.start": "Ready"})
+    with pytest.raises(DBAPIError, match="FOREIGN KEY"):
+        publish(ready, instance)
+    assert check_published(instance, "sakai2021").name == first.version
+    assert len(published_records(instance)) == 1
+    mend_commits(instance)
+    second = publish(ready, instance)
+    assert (second.is_new, second.is_recorded, second.previous) == (True, True, first.version)
+    assert check_published(instance, "sakai2021").name == second.version
+    assert [record["version"] for record in published_records(instance)] == [first.version, second.version]
+
+
+def test_a_published_version_whose_record_is_missing_is_recorded_by_publishing_it_again(
+    ready: Path, instance: Path
+) -> None:
+    first = publish(ready, instance)
+    set_texts(ready, {"instructions.start": "Ready"})
+    second = build.build(ready, instance, quietly, planner_agents).catalogue.version
+    point_at(instance, "sakai2021", second)
+    late, again = publish(ready, instance, "Late"), publish(ready, instance)
+    assert (late.is_new, late.is_recorded, late.previous) == (False, True, first.version)
+    assert late.lines() == [
+        f"Study sakai2021 is published as it is: version {second}. Its record was missing and is written now."
+    ]
+    assert (again.is_new, again.is_recorded) == (False, False)
+    _, record = published_records(instance)
+    assert (record["version"], record["previous"], record["note"]) == (second, first.version, "Late")
+    assert record["changes"] == ["catalogue.json changed", "sources/study/texts/en.toml changed"]
+
+
+def test_going_back_to_an_earlier_version_is_recorded_too(ready: Path, instance: Path) -> None:
+    first = publish(ready, instance)
+    declared = (ready / "study.toml").read_bytes()
+    change(ready / "study.toml", "seed = 2021", "seed = 2021  # Any will do.")
+    second = publish(ready, instance)
+    (ready / "study.toml").write_bytes(declared)
+    publish(ready, instance)
+    assert check_published(instance, "sakai2021").name == first.version
+    versions = [record["version"] for record in published_records(instance)]
+    assert versions == [first.version, second.version, first.version]
+
+
+def test_a_bundle_that_cannot_be_closed_is_neither_recorded_nor_published(
+    ready: Path, instance: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(folder: Path) -> None:
+        raise PermissionError(folder)
+
+    with monkeypatch.context() as closed:
+        closed.setattr(publication, "lock", refuse)
+        with pytest.raises(PermissionError):
+            publish(ready, instance)
+    assert published_records(instance) == []
     with pytest.raises(BundleError, match="is not published"):
         check_published(instance, "sakai2021")
 

@@ -184,15 +184,20 @@ def test_a_row_that_is_missing_changed_or_too_many_is_found(instance: Path) -> N
         code, sent = report.participant.code, report.ledger.acknowledged
         good = reckon(reports, around.database)
         assert (good.lost, good.doubled, good.num_pages) == ((), (), len(sent))
-        changed = dict(sent) | {3: [("rating", "general", "9") if e[1:2] == ("general",) else e for e in sent[3]]}
+        changed = dict(sent) | {3: [(*e[:2], "9", *e[3:]) if e[1:2] == ("general",) else e for e in sent[3]]}
+        slower = dict(sent) | {3: [(*e[:3], "7") if e[1:2] == ("general",) else e for e in sent[3]]}
         never_sent = {number: entries for number, entries in sent.items() if number != 4}
         beyond = dict(sent) | {12: [("page",)]}
         under_way = Ledger(never_sent, {4: sent[4]})
-        ledgers = (Ledger(changed), Ledger(never_sent), Ledger(beyond), under_way)
+        ledgers = (Ledger(changed), Ledger(never_sent), Ledger(beyond), under_way, Ledger(slower))
         found = [reckon([replace(report, ledger=ledger)], around.database) for ledger in ledgers]
-    assert found[0].lost == (f"{code}, page 3: rating general 9",)
+    (rated,) = (entry for entry in sent[3] if entry[1:2] == ("general",))
+    assert found[0].lost == (f"{code}, page 3: rating general 9 {rated[3]}",)
     assert found[0].doubled[0].startswith(f"{code}, page 3: rating general ")
     assert (found[1].lost, found[1].doubled) == ((), (f"{code}, page 4: page",))
     assert (found[2].lost, found[2].doubled) == ((f"{code}, page 12: page",), ())
+    # A time that was not stored as it was sent is a row that was not.
+    assert found[4].lost == (f"{code}, page 3: rating general {rated[2]} 7",)
+    assert found[4].doubled == (f"{code}, page 3: {' '.join(rated)}",)
     # What was still under way may be stored or not.
     assert (found[3].lost, found[3].doubled) == ((), ())

@@ -263,7 +263,7 @@ def test_an_export_holds_what_was_asked_for_alone(instance: Path, tmp_path: Path
         for mode in ("live", "test", "test"):
             enrol_somebody(database, mode)
     for number, (words, count) in enumerate(
-        (([], 3), (["--mode", "live"], 1), (["--version", "v1", "--study", "sakai2021"], 3), (["--study", "other"], 0))
+        (([], 3), (["--mode", "live"], 1), (["--version", "v1", "--study", "sakai2021"], 3), (["--mode", "bot"], 0))
     ):
         folder = tmp_path / str(number)
         assert run(instance, "export", str(folder), *words).returncode == 0

@@ -15,6 +15,8 @@ from tests.web.people import SAME_SITE, Visitor, hidden_nonce
 from tests.web.reading import ask, num_rows
 from tests.web.studies import a_study, one_experiment
 from webapp.config import Config
+from webapp.storage.helping import restart_page
+from webapp.views.services import services_of, utc_now
 
 OUTCOME = "SELECT phase, end, num_steps, optimum, step_limit, subgoals_passed, key_points FROM drives"
 JSON = SAME_SITE | {"Accept": "application/json"}
@@ -323,3 +325,21 @@ def test_the_nonce_of_a_drive_is_needed(app: Callable[..., Flask], instance: Pat
     answer = visitor.post("/study/4/action", {"action": "left", "step": "1", "nonce": foreign})
     assert answer.headers["Location"] == "/study/4"
     assert num_rows(instance, "drive_steps") == 0
+
+
+def test_a_window_from_before_a_drive_was_begun_anew_cannot_act_in_it(
+    app: Callable[..., Flask], instance: Path
+) -> None:
+    started = app()
+    visitor = arrive(started)
+    old = Driver(visitor, 4)
+    old.drive("left", "left")
+    ((code,),) = ask(instance, "SELECT code FROM participants")
+    restart_page(services_of(started).database, str(code), 4, "the window froze", "boss", utc_now())
+    assert 'alt="View 0."' in visitor.get("/study/4").text
+    assert old.act("forward", step=1).headers["Location"] == "/study/4"
+    old.act("give_up")
+    assert ask(instance, "SELECT count(*) FROM drive_steps") == [(2,)]
+    assert num_rows(instance, "drives") == 0
+    Driver(visitor, 4).drive(*WAY)
+    assert ask(instance, OUTCOME) == [("after", "reached", 7, 7, 21, "1 5 7", "")]

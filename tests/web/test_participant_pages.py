@@ -220,6 +220,22 @@ def test_pictures_are_found_by_their_digest_alone_and_kept_for_ever(app: Flask) 
         assert visitor.get(f"/pictures/{other}.png").status_code == 404
 
 
+def test_a_picture_that_was_changed_under_the_server_is_not_sent(
+    app: Flask, instance: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    visitor = Visitor(app)
+    visitor.agree()
+    visitor.walk(last=1)
+    (source, *_) = re.findall(r'src="(/pictures/[0-9a-f]{64}\.png)"', visitor.get("/study/2").text)
+    assert visitor.get(source).status_code == 200
+    (file,) = (instance / "bundles").glob(f"*{source}")
+    file.write_bytes(file.read_bytes()[:-1] + b"\0")
+    answer = visitor.get(source)
+    assert (answer.status_code, answer.mimetype) == (500, "text/html")
+    assert "immutable" not in answer.headers["Cache-Control"]
+    assert f"{source.removeprefix('/')} was changed" in caplog.text
+
+
 def test_the_cookie_is_closed_and_the_database_holds_only_its_hash(app: Flask, instance: Path) -> None:
     visitor = Visitor(app)
     cookie = visitor.agree().headers["Set-Cookie"]

@@ -13,6 +13,7 @@ from tests.unit.storage.people import NOW, enrol_somebody, walk
 from webapp.cli import main
 from webapp.storage.accounts import accounts, create_researcher
 from webapp.storage.database import Database, open_database
+from webapp.storage.records import told_by
 from webapp.storage.researchers import sign_in
 
 PASSWORD = "correct horse battery"  # noqa: S105
@@ -102,3 +103,27 @@ def test_somebody_is_erased_by_command_after_being_asked(instance: Path, databas
     again = xar(instance, "erase", person.code, "--yes")
     assert (again.exit_code, again.output) == (2, f"xar: there is no participant '{person.code}'\n")
     assert xar(instance, "verify-log").exit_code == 0
+
+
+def test_a_password_is_changed_by_command_and_signs_out(instance: Path, database: Database) -> None:
+    create_researcher(database, "boss", PASSWORD, NOW)
+    assert sign_in(database, "boss", PASSWORD, NOW) is not None
+    changed = xar(instance, "admin", "password", "boss", "--generate-password")
+    assert changed.exit_code == 0
+    assert accounts(database, NOW)[0].num_sessions == 0
+    assert sign_in(database, "boss", PASSWORD, NOW) is None
+    assert sign_in(database, "boss", changed.output.split()[-1], NOW) is not None
+    short = xar(instance, "admin", "password", "boss", typed="short\n")
+    assert (short.exit_code, "at least 12 characters" in short.output) == (2, True)
+
+
+def test_an_export_is_recorded_and_one_of_nobody_refused(instance: Path, database: Database, tmp_path: Path) -> None:
+    enrol_somebody(database, version="abcdef")
+    assert xar(instance, "export", str(tmp_path / "all"), "--study", "sakai2021", "--mode", "test").exit_code == 0
+    with database.read() as connection:
+        ((_, _, actor, _, _, _, content),) = told_by(connection, "downloaded")
+    assert (actor, content["file"], content["mode"]) == ("(command line)", "the data set", "test")
+    refused = xar(instance, "export", str(tmp_path / "none"), "--study", "nope")
+    assert refused.exit_code == 2
+    assert refused.output == "xar: there are no data of nope; there are data of sakai2021 abcdef\n"
+    assert not (tmp_path / "none").exists()

@@ -10,7 +10,7 @@ from flask import Flask
 from tests.web.bundles import read_study, write_bundle
 from tests.web.people import SAME_SITE, Clock, Visitor
 from tests.web.reading import ask, num_rows
-from tests.web.researchers import LONG_AGO, NAME, PASSWORD, researcher_of, sign_in
+from tests.web.researchers import LONG_AGO, NAME, PASSWORD, researcher_of, sign_in, unblind
 from webapp.config import Config
 from webapp.storage.accounts import create_researcher
 from webapp.storage.exports import FILE_NAMES
@@ -71,6 +71,18 @@ def test_a_wrong_password_is_refused_without_saying_what_was_wrong(stranger: Vis
     assert "is not right" in texts[0]
     assert PASSWORD not in answers[1].text
     assert stranger.get("/researcher/").status_code == 303
+
+
+@pytest.mark.parametrize("name", [NAME, f"confirm:{NAME}", f"\N{LATIN SMALL LETTER Y WITH DIAERESIS}{NAME}"])
+def test_wrong_sign_ins_from_outside_keep_nobody_inside_from_confirming(
+    researcher: Visitor, app: Flask, clock: Clock, name: str
+) -> None:
+    outside, wait_s = Visitor(app), 0
+    while wait_s < 60:
+        clock.wait(seconds=wait_s)
+        wait_s = int(sign_in(outside, name, "wrong password").headers.get("Retry-After", 0))
+    assert sign_in(outside, name).status_code == 429
+    assert unblind(researcher).status_code == 303
 
 
 def test_guessing_is_slowed_down_and_said(stranger: Visitor, clock: Clock) -> None:
@@ -258,7 +270,14 @@ def test_everybody_ends_their_own_other_sessions(app: Flask) -> None:
     assert here.post("/researcher/accounts/sessions", {"session": session}).status_code == 303
     assert elsewhere.get("/researcher/").status_code == 303
     sign_in(elsewhere)
-    here.post("/researcher/accounts/sessions")
+    for form in ({"session": session}, {"session": "f" * 12}, {"session": ""}, {}):
+        refused = here.post("/researcher/accounts/sessions", form)
+        assert refused.status_code == 422
+        assert "Nothing was changed: you have no session" in refused.text
+    assert elsewhere.get("/researcher/").status_code == 200
+    page = here.get("/researcher/accounts").text
+    (others,) = re.findall(r'name="session" value="([^"]+)"><button[^>]*>End all but this one', page)
+    here.post("/researcher/accounts/sessions", {"session": others})
     assert elsewhere.get("/researcher/").status_code == 303
     assert here.get("/researcher/").status_code == 200
 

@@ -16,6 +16,8 @@ from webapp.config import Config
 from webapp.study.protocol import Study
 
 REASON = {"reason": "They wrote to us"}
+CONFIRMED = REASON | {"password": PASSWORD}
+BY_ARM = ("", "allocation", "results")
 
 
 @pytest.fixture
@@ -79,7 +81,18 @@ def test_notes_exclusions_and_their_end_are_kept_with_their_reasons(researcher: 
         ("release", {"page": "9", "reason": "They are stuck"}, "is at page 4, not at page 9"),
         ("release", {"page": "99", "reason": "They are stuck"}, "there is no page 99"),
         ("restart", {"page": "4", "reason": ""}, "the reason is missing"),
-        ("look", {"reason": ""}, "the reason is missing"),
+        ("look", {"reason": "", "password": PASSWORD}, "the reason is missing"),
+        ("look", {"reason": "They are stuck"}, "the password is not right"),
+        ("look", {"reason": "They are stuck", "password": "wrong"}, "the password is not right"),
+        (
+            "correct",
+            {"place": f"ratings|{'9' * 5000}|x", "value": "4", "reason": "Typed wrong"},
+            "there is no page 999999999999; there are 11",
+        ),
+        ("correct", {"place": f"probes|3|{'9' * 30}", "value": "left", "reason": "Typed wrong"}, "has no answer to"),
+        ("correct", {"place": "ratings|3|general", "value": "9", "reason": "Typed wrong"}, "whole number from 1 to 5"),
+        ("correct", {"place": "ratings|3|general", "value": "banana", "reason": "x"}, "whole number from 1 to 5"),
+        ("correct", {"place": "ratings|3|general", "value": "1" * 501, "reason": "x"}, "has 501 characters"),
     ],
 )
 def test_what_cannot_be_done_is_said_and_nothing_typed_is_lost(
@@ -163,7 +176,7 @@ def test_the_pictures_are_shown_for_a_reason_to_one_account_and_of_one_person(dr
     address = f"/researcher/people/{people[0].code}"
     before = visitor.get(address).text
     assert "/pictures/" not in before
-    assert visitor.post(f"{address}/look", REASON).headers["Location"] == f"{address}?done=person_unblinded"
+    assert visitor.post(f"{address}/look", CONFIRMED).headers["Location"] == f"{address}?done=person_unblinded"
     page = visitor.get(address).text
     assert kinds_told(page) == set(KINDS)
     assert page.count("/pictures/") > 6
@@ -171,6 +184,66 @@ def test_the_pictures_are_shown_for_a_reason_to_one_account_and_of_one_person(dr
         assert kinds_told(asker.get(path).text) == set()
     logged = ask(instance, "SELECT actor, subject IS NOT NULL FROM records WHERE action = 'person_unblinded'")
     assert logged == [("researcher", 1)]
+
+
+def test_a_prediction_is_corrected_to_an_action_of_the_world(driving: Flask) -> None:
+    person, researcher = take_part(driving), researcher_of(driving)
+    address = f"/researcher/people/{person.code}"
+    (key, *_) = re.findall(r'value="(probes\|\d+\|1)"', researcher.get(address).text)
+    refused = researcher.post(f"{address}/correct", {"place": key, "value": "up", **REASON})
+    assert refused.status_code == 422
+    assert "use forward, left, right" in refused.text
+    assert researcher.post(f"{address}/correct", {"place": key, "value": "forward", **REASON}).status_code == 303
+
+
+def by_arm(page: str) -> list[str]:
+    """What a page marks as the numbers of one arm."""
+    marks = "cell|arm|predictions|as-good|before|after|gain|calibration"
+    return re.findall(rf'data-(?:{marks})="([^"]+)"', page) + re.findall(r"Arm [A-C]\b", page)
+
+
+def test_whoever_looked_at_somebody_gets_no_numbers_by_arm_until_unblinded(driving: Flask) -> None:
+    people = [take_part(driving), take_part(driving)]
+    visitor, other = researcher_of(driving), researcher_of(driving, name="other")
+    assert all(by_arm(visitor.get(f"/researcher/{path}").text) for path in BY_ARM)
+    assert visitor.post(f"/researcher/people/{people[0].code}/look", REASON).status_code == 422
+    assert visitor.get("/researcher/status.json").get_json()["cells"] != []
+    visitor.post(f"/researcher/people/{people[0].code}/look", CONFIRMED)
+    for _ in range(2):
+        assert visitor.get("/researcher/status.json").get_json()["cells"] == []
+        for path in BY_ARM:
+            page = visitor.get(f"/researcher/{path}").text
+            assert by_arm(page) == []
+            assert "data-arms-hidden" in page
+        # Letters that came back with the erasure would tell themselves by what is missing since.
+        visitor.post(f"/researcher/people/{people[0].code}/erase", {"code": people[0].code, "password": PASSWORD})
+    assert by_arm(other.get("/researcher/results").text)
+    assert by_arm(visitor.get("/researcher/allocation?mode=live").text)
+    unblind(visitor)
+    for path in BY_ARM:
+        page = visitor.get(f"/researcher/{path}").text
+        assert by_arm(page)
+        assert "data-arms-hidden" not in page
+
+
+def test_the_page_of_a_person_shows_no_item_that_only_some_arms_are_asked_while_blind(
+    instance: Path, start_app: Callable[[Config], Flask]
+) -> None:
+    study = study_with("tailored_all", "placebic", "none")
+    write_bundle(instance, study)
+    app = start_app(Config(instance, study=study.name))
+    person, visitor = take_part(app), researcher_of(app)
+    address = f"/researcher/people/{person.code}"
+
+    def items(page: str) -> list[str]:
+        return re.findall(r'value="ratings\|\d+\|([^"]+)"', page)
+
+    blind = visitor.get(address).text
+    assert items(blind) == ["foresee"] * 3
+    assert "satisfaction" not in blind
+    assert "loveliness" not in blind
+    visitor.post(f"{address}/look", CONFIRMED)
+    assert set(items(visitor.get(address).text)) >= {"foresee", "loveliness", "satisfaction_1"}
 
 
 def test_whoever_sees_the_arms_sees_what_was_shown_as_far_as_they_came(driving: Flask) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from flask import Flask
+from sqlalchemy import Connection, Engine, event
 from werkzeug.test import TestResponse
 
 from tests.unit.storage.people import DRIVING, enrol_somebody, send, walk, walk_to
@@ -18,7 +19,7 @@ from tests.web.people import ITEMS, SAME_SITE, Visitor
 from tests.web.reading import ask
 from tests.web.researchers import NAME, PASSWORD, researcher_of, rows, sign_in, unblind
 from webapp.config import Config
-from webapp.storage.export_columns import PARTICIPANTS_COLUMNS, RATINGS_COLUMNS
+from webapp.storage.export_columns import PARTICIPANTS_COLUMNS, RATINGS, names
 from webapp.storage.exports import FILE_NAMES, RECRUITS
 from webapp.storage.participants import Participant
 from webapp.study.answers import Answer, PageContent
@@ -26,6 +27,7 @@ from webapp.study.experiments import SATISFACTION_ITEMS
 from webapp.study.protocol import Study
 from webapp.study.recruitment import Recruit
 from webapp.study.sections import Quality, Recruitment
+from webapp.views.researcher.words import PAGES
 from webapp.views.services import services_of
 
 KINDS = ("tailored_all", "placebic", "evenly_spaced")
@@ -137,6 +139,26 @@ def test_what_only_some_arms_have_is_left_out_while_masked(
     assert list(table_rows(shown, "before")) == ["tailored all", "placebic", "none"]
     assert "satisfaction scale" in shown
     assert {"foresee", "likeliness"} <= set(re.findall('data-item="([^"]+)"', shown))
+
+
+def pages_timed(visitor: Visitor) -> set[str]:
+    """The kinds of pages about whose times the overview tells."""
+    (table,) = re.findall(r'id="times-caption".*?</table>', visitor.get("/researcher/").text, re.DOTALL)
+    return set(re.findall(r'<th scope="row" class="words">(.*?)</th>', table))
+
+
+def test_times_of_pages_that_only_some_arms_have_are_left_out_while_masked(
+    instance: Path, start_app: Callable[[Config], Flask]
+) -> None:
+    write_bundle(instance, study_with("tailored_all", "placebic", "none"))
+    app = start_app(Config(instance, study=DRIVING.name))
+    take_part(app)
+    visitor = researcher_of(app)
+    masked = pages_timed(visitor)
+    unblind(visitor)
+    telling = {PAGES[kind] for kind in ("first_drive", "explanation", "satisfaction")}
+    assert masked == pages_timed(visitor) - telling
+    assert telling - {PAGES["explanation"]} <= pages_timed(visitor)
 
 
 def test_unblinding_takes_password_and_reason_and_is_on_record(driving: Flask, instance: Path) -> None:
@@ -268,7 +290,7 @@ def test_the_csv_holds_what_was_clicked(app: Flask) -> None:
     researcher = researcher_of(app)
     unblind(researcher)
     found = rows(researcher, "ratings.csv")
-    assert tuple(found[0]) == RATINGS_COLUMNS
+    assert tuple(found[0]) == names(RATINGS)
     places = [("1", "1"), ("1", "2"), ("1", "3"), ("2", "1"), ("2", "2")]
     for (experiment, trial), answers in zip(places, clicked.values(), strict=True):
         own = [row for row in found if (row["experiment"], row["trial"]) == (experiment, trial)]
@@ -293,12 +315,49 @@ def test_downloads_are_files_and_are_on_record(driving: Flask, instance: Path) -
         assert answer.headers["Cache-Control"] == "no-store"
         assert not answer.data.startswith(b"\xef\xbb\xbf")
     visitor.get("/researcher/answers.csv?for=spreadsheet")
-    logged = ask(
-        instance,
+    assert downloads(instance) == [*FILE_NAMES, "answers.csv for spreadsheets"]
+
+
+def downloads(instance: Path) -> list[str]:
+    """What the log says was downloaded."""
+    query = (
         "SELECT json_extract(content, '$.file') FROM records JOIN record_contents USING (number) "
-        "WHERE action = 'downloaded' ORDER BY number",
+        "WHERE action = 'downloaded' ORDER BY number"
     )
-    assert logged == [(name,) for name in (*FILE_NAMES, "answers.csv for spreadsheets")]
+    return [str(name) for (name,) in ask(instance, query)]
+
+
+def test_the_log_tells_who_has_what_participants_said_in_their_own_words(driving: Flask, instance: Path) -> None:
+    visitor = researcher_of(driving)
+    unblind(visitor)
+    for name in ("answers.csv", "answers.csv?own_words=yes", "dataset.zip", "dataset.zip?own_words=yes"):
+        assert visitor.get(f"/researcher/{name}").status_code == 200
+    words = ", with answers in participants' own words"
+    whole = "the whole data set"
+    assert downloads(instance) == ["answers.csv", f"answers.csv{words}", whole, f"{whole}{words}"]
+    log = visitor.get("/researcher/records?show=downloaded").text.replace("&#39;", "'")
+    assert f"downloaded {whole}{words}" in log
+
+
+def test_flow_and_recruits_are_read_from_a_copy_of_the_database(driving: Flask, instance: Path) -> None:
+    take_part(driving, RECRUIT)
+    visitor = researcher_of(driving)
+    unblind(visitor)
+    asked: list[tuple[str, str]] = []
+
+    def note(connection: Connection, _cursor: object, statement: str, *_: object) -> None:
+        asked.append((str(connection.engine.url.database or ""), statement))
+
+    event.listen(Engine, "before_cursor_execute", note)
+    try:
+        assert visitor.get("/researcher/consort.svg").status_code == 200
+        visitor.post("/researcher/recruits.csv", {"confirm": "yes"}).close()
+    finally:
+        event.remove(Engine, "before_cursor_execute", note)
+    for table in ("arrangements", "recruits"):
+        whole = [path for path, statement in asked if re.search(rf"FROM .*\b{table}\b", statement, re.DOTALL)]
+        assert whole
+        assert not any(path.startswith(str(instance)) for path in whole)
 
 
 def test_the_whole_data_set_comes_as_one_archive(app: Flask) -> None:
@@ -372,6 +431,16 @@ def test_the_recruiters_list_is_compared(driving: Flask) -> None:
         assert words in refused.text.replace("&#39;", "'")
     too_long = {"data": b"x" * (6 * 1024 * 1024), "content_type": "multipart/form-data; boundary=x"}
     assert visitor.client.post("/researcher/reconcile", headers=SAME_SITE, **too_long).status_code == 413
+
+
+def test_a_long_list_is_counted_whole_and_listed_in_part(driving: Flask) -> None:
+    theirs = "Participant id\n" + "".join(f"{number:024x}\n" for number in range(15_000))
+    page = send_list(researcher_of(driving), theirs.encode()).text
+    assert "(15000)</h3>" in page
+    assert "The first 200 of 15000." in page
+    assert f"{199:024x}" in page
+    assert f"{200:024x}" not in page
+    assert len(page) < 100_000
 
 
 def send_list(visitor: Visitor, content: bytes, name: str = "list.csv") -> TestResponse:

@@ -10,7 +10,7 @@ from webapp.bots.opinions import happens, latent_rating, response_time_ms
 from webapp.bots.page_reading import Form
 from webapp.bots.plan import BotPlan
 from webapp.stimuli.catalogue import Catalogue
-from webapp.storage.read_back import Entry
+from webapp.storage.read_back import NOT_MEASURED, Entry
 from webapp.study.question_forms import CONFIDENCE_POINTS
 from webapp.study.session import Page
 
@@ -135,9 +135,10 @@ class Answerer:
             if prefix == "answer" or (prefix == "rating" and target in checks):
                 entries.append(("answer", str(attempt), target, value))
             elif prefix == "rating" and page.kind != "probe":
-                entries.append(("rating", target, value))
+                entries.append(("rating", target, value, fields.get(f"time-{target}", NOT_MEASURED)))
             elif prefix == "predict":
-                entries.append(("prediction", target, value, fields[f"rating-confidence-{target}"]))
+                sureness, time = fields[f"rating-confidence-{target}"], fields.get(f"time-{name}", NOT_MEASURED)
+                entries.append(("prediction", target, value, sureness, time))
         return entries
 
     def _checks(self, page: Page) -> dict[str, int]:

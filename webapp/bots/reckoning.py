@@ -28,7 +28,7 @@ class Reckoning:
 
 
 def reckon(reports: Sequence[Report], database: Database) -> Reckoning:
-    """Compare everything that bots sent with everything that is stored of them."""
+    """Compare all pages, answers and actions that bots sent, with their times, with what is stored of them."""
     lost, doubled = list[str](), list[str]()
     for report in reports:
         doubled += _enrolled_twice(report, database)

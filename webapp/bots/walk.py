@@ -163,7 +163,7 @@ class Walk:
             elapsed_ms += took_ms
             step = {"step": str(len(actions) + 1), "elapsed": str(elapsed_ms), "action": action}
             actions += [] if action == GIVE_UP else [action]
-            self.ledger.send(page.number, _drive_entries(course, actions, action))
+            self.ledger.send(page.number, _drive_entries(course, actions, action, elapsed_ms))
             answer = self._send(form.action, form.hidden | step, as_script=True)
             if answer.next is None and answer.content().get("step") != len(actions) + 1:
                 raise WalkError(f"page {page.number}: action {len(actions)} was answered with {answer.status}")
@@ -227,11 +227,11 @@ class Walk:
             self._limit.wait(self._around.pace * milliseconds / 1000)
 
 
-def _drive_entries(course: Course, actions: Sequence[str], action: str) -> list[Entry]:
+def _drive_entries(course: Course, actions: Sequence[str], action: str, elapsed_ms: int) -> list[Entry]:
     """Return what is stored when an action arrives: the step, and with the last one the page."""
     if action == GIVE_UP:
         return [("drive", "gave_up"), ("page",)]
-    step: Entry = ("step", str(len(actions)), action)
+    step: Entry = ("step", str(len(actions)), action, str(elapsed_ms))
     state = course.world.roll_out(course.start, actions)[-1]
     if course.world.is_terminal(state):
         return [step, ("drive", "reached" if course.world.is_goal(state) else "failed"), ("page",)]

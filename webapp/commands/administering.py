@@ -84,6 +84,27 @@ def give_role(name: str, role: str) -> None:
     click.echo(f"The account {name!r} is {_article(role)} now.")
 
 
+@admin.command("password")
+@click.argument("name")
+@click.option("--generate-password", is_flag=True, help="Make a random password and print it, once.")
+def change_password(name: str, *, generate_password: bool) -> None:
+    """Give the account NAME another password; it is signed out everywhere."""
+    import secrets
+
+    from webapp.config import read_config
+    from webapp.password_entry import ask_for_password
+    from webapp.storage.accounts import change_password as change
+    from webapp.storage.database import open_database
+    from webapp.storage.records import COMMAND_LINE
+
+    with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
+        password = secrets.token_urlsafe(15) if generate_password else ask_for_password()
+        change(database, name, password, COMMAND_LINE, datetime.now(UTC))
+    click.echo(f"The account {name!r} has another password, and is signed out everywhere.")
+    if generate_password:
+        click.echo(f"Its password, shown only now: {password}")
+
+
 @admin.command("disable")
 @click.argument("name")
 def disable_account(name: str) -> None:

@@ -64,7 +64,7 @@ _LISTED = 20
 )
 @click.option("--json", "prints_json", is_flag=True, help="Print one JSON object instead of tables.")
 def bots(study: str | None, mix: str, *, prints_json: bool, **choices: Any) -> None:  # noqa: ANN401 - handed on.
-    """Let programs take part, drives included, and make sure that all they sent is stored, once.
+    """Let programs take part, drives included, and make sure that all their answers are stored, once.
 
     Their rows have the mode `bot`: they count towards no balance and no result. They use the server that runs on this
     instance, or else run one of their own. The exit status is 1 if anything was lost or doubled or a bot got stuck.

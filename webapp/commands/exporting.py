@@ -34,12 +34,15 @@ def export(
     from webapp.config import read_config
     from webapp.storage.database import open_database
     from webapp.storage.dataset import export as write_dataset
+    from webapp.storage.dataset import record_export
 
     with _refusals():
         config = read_config(os.environ)
         with open_database(config.database_path, make=False) as database:
             wanted = _wanted(config.instance, study, study_version, mode, with_free_text=with_free_text)
-            num_rows = write_dataset(database, folder, wanted, datetime.now(UTC))
+            now = datetime.now(UTC)
+            num_rows = write_dataset(database, folder, wanted, now)
+            record_export(database, wanted, now)
     for name, count in num_rows.items():
         _echo_written(folder / name, count)
 

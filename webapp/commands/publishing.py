@@ -24,7 +24,9 @@ class Published:
         version: The published version.
         previous: The version that was published before; None if there was none.
         changes: What differs from that one; empty if there was none.
-        is_new: False if this very version was published before.
+        is_new: False if this very version was the published one already.
+        is_recorded: Whether it was recorded now. A version that was the published one already is so if its record is
+            missing, because publishing it was interrupted.
     """
 
     study: str
@@ -32,11 +34,13 @@ class Published:
     previous: str | None
     changes: tuple[str, ...]
     is_new: bool
+    is_recorded: bool
 
     def lines(self) -> list[str]:
         """Return what there is to say about it."""
         if not self.is_new:
-            return [f"Study {self.study} is published as it is: version {self.version}. Nothing was done."]
+            done = "Its record was missing and is written now." if self.is_recorded else "Nothing was done."
+            return [f"Study {self.study} is published as it is: version {self.version}. {done}"]
         told = [f"Published study {self.study}, version {self.version}."]
         if self.previous is not None:
             told.append(f"It takes the place of version {self.previous}. What changed:")
@@ -72,7 +76,6 @@ def publish_study(
     """
     from webapp.stimuli.build import build
     from webapp.stimuli.learned import learned_agents
-    from webapp.stimuli.publication import changes, lock
     from webapp.stimuli.sources import read_sources
     from webapp.storage.instance import prepare_instance
 
@@ -80,16 +83,13 @@ def publish_study(
     _check_filled_in(folder, study.placeholders())
     prepare_instance(config.instance)
     version = build(folder, config.instance, progress, agents or learned_agents).catalogue.version
-    previous = _published_version(config.instance, study.name)
-    if previous == version:
-        lock(config.instance / "bundles" / version)
-        return Published(study.name, version, previous, (), is_new=False)
-    bundles = config.instance / "bundles"
-    changed = (
-        () if previous is None or not (bundles / previous).is_dir() else changes(bundles / previous, bundles / version)
-    )
-    published = Published(study.name, version, previous, changed, is_new=True)
-    _record(published, config, note, now)
+    pointed_at = _published_version(config.instance, study.name)
+    recorded = _latest_recorded(config, study.name)
+    is_new, is_recorded = pointed_at != version, recorded != version or pointed_at != version
+    previous = pointed_at if is_new or not is_recorded else recorded
+    changed = _changes(config.instance / "bundles", previous, version)
+    published = Published(study.name, version, previous, changed, is_new=is_new, is_recorded=is_recorded)
+    _freeze(published, config, note, now)
     return published
 
 
@@ -136,20 +136,46 @@ def _published_version(instance: Path, study: str) -> str | None:
         return None
 
 
-def _record(published: Published, config: "Config", note: str, now: datetime) -> None:
-    """Record it, close the bundle to changes and let it be the published one; all of it, or it is not published.
+def _latest_recorded(config: "Config", study: str) -> str | None:
+    from webapp.storage.database import open_database
+    from webapp.storage.publications import latest_published
 
-    The pointer moves last before the record is certain: a pointer without a record could not be explained afterwards.
+    with open_database(config.database_path) as database, database.read() as connection:
+        return latest_published(connection, study)
+
+
+def _changes(bundles: Path, previous: str | None, version: str) -> tuple[str, ...]:
+    from webapp.stimuli.publication import changes
+
+    if previous is None or not (bundles / previous).is_dir():
+        return ()
+    return changes(bundles / previous, bundles / version)
+
+
+def _freeze(published: Published, config: "Config", note: str, now: datetime) -> None:
+    """Close the bundle to changes, record that it is published, and let it be the published one, in this order.
+
+    What fails leaves at most a record of what was about to be published, which publishing again makes true; never a
+    published version without a record. The record is on disk before the pointer moves.
     """
-    from webapp.stimuli.publication import lock, point_at, program_of
+    from webapp.stimuli.publication import lock, point_at
+
+    lock(config.instance / "bundles" / published.version)
+    if published.is_recorded:
+        _record(published, config, note, now)
+    if published.is_new:
+        point_at(config.instance, published.study, published.version)
+
+
+def _record(published: Published, config: "Config", note: str, now: datetime) -> None:
+    from webapp.stimuli.publication import program_of
     from webapp.storage.database import open_database
     from webapp.storage.records import COMMAND_LINE, Entry, append
     from webapp.storage.scope import Scope
 
-    folder = config.instance / "bundles" / published.version
     content = {
         "version": published.version,
-        "code": program_of(folder).to_json(),
+        "code": program_of(config.instance / "bundles" / published.version).to_json(),
         "note": note,
         "previous": published.previous,
         "changes": list(published.changes),
@@ -157,5 +183,3 @@ def _record(published: Published, config: "Config", note: str, now: datetime) ->
     entry = Entry(now, COMMAND_LINE, "published", Scope(published.study, published.version, "live"), content=content)
     with open_database(config.database_path) as database, database.write() as connection:
         append(connection, entry)
-        lock(folder)
-        point_at(config.instance, published.study, published.version)

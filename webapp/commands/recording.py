@@ -90,8 +90,10 @@ def erase(code: str, *, yes: bool) -> None:
         find_person(database, code)
         if not yes:
             click.confirm(f"Erase everything of participant {code!r}, for good?", abort=True)
-        erase_person(database, code, COMMAND_LINE, datetime.now(UTC))
+        is_gone = erase_person(database, code, COMMAND_LINE, datetime.now(UTC))
     click.echo(f"Participant {code!r} is erased. Delete their rows from files that were exported before.")
+    if not is_gone:
+        click.echo("The database was in use: the last traces leave the disk when the server is stopped or restarted.")
 
 
 def _head(text: str | None) -> tuple[int, str] | None:

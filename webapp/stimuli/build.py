@@ -14,7 +14,7 @@ from typing import Any
 
 from webapp.stimuli.agents import AgentProvider, Agents, ReportProgress, agents_of
 from webapp.stimuli.catalogue import BundleError, Catalogue, bundle_version
-from webapp.stimuli.frozen_files import SOURCES, frozen_files
+from webapp.stimuli.frozen_files import SOURCES, check_apart, frozen_files
 from webapp.stimuli.learned import learned_agents
 from webapp.stimuli.pictures import Album, draw_album
 from webapp.stimuli.plug_ins import PLUG_INS, study_modules
@@ -84,6 +84,7 @@ def build(
 def _build(
     study_folder: Path, instance: Path, progress: ReportProgress, agents: AgentProvider, shared_texts: Path
 ) -> Built:
+    check_apart(study_folder, instance)
     sources = read_sources(study_folder, shared_texts)
     files = _files(study_folder, sources, shared_texts)
     instance.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -107,6 +108,7 @@ def find_built(study_folder: Path, instance: Path, agents: AgentProvider = learn
     Raises:
         StudyError: The study's files cannot be used.
     """
+    check_apart(study_folder, instance)
     files = _files(study_folder, read_sources(study_folder), SHARED_TEXTS)
     bundles = instance / "bundles"
     try:

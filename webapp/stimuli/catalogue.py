@@ -4,8 +4,8 @@ A bundle is a folder named after the hash of its content:
 
 - `catalogue.json`: the study, the texts, and what is shown in each trial, for each language;
 - `tables/<layout>.json`: states, transitions, the picture of each state, path, importance, the path in words (see
-  `stimuli.tables`); read when it is first asked for;
-- `pictures/<digest>.png`: every view that can be reached, once;
+  `stimuli.tables`); read when it is first asked for, and compared with what it was when the bundle was opened;
+- `pictures/<digest>.png`: every view that can be reached, once; compared with its name when it is sent;
 - `weights.safetensors`: the agents and world models;
 - `manifest.json`: what it was made with, and the build report.
 
@@ -14,13 +14,14 @@ This module imports neither NumPy nor Pillow nor torch, so that a web worker sta
 
 import hashlib
 import json
-import re
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from webapp.stimuli.layout_table import LayoutTable, read_layout_table
+from webapp.stimuli.bundle_files import BundleError, bundle_version, current_bundle, file_digests, version_of
+from webapp.stimuli.layout_table import LayoutTable, parse_layout_table
+from webapp.stimuli.picture_files import Picture, PictureFiles
 from webapp.stimuli.shown import Frame, ProbeQuestion, Situation, Strip
 from webapp.stimuli.world_table import WorldTable
 from webapp.study.experiments import TAILORED_KINDS
@@ -33,6 +34,7 @@ __all__ = [
     "BundleError",
     "Catalogue",
     "Frame",
+    "Picture",
     "ProbeQuestion",
     "Situation",
     "Strip",
@@ -43,32 +45,31 @@ __all__ = [
 CATALOGUE_FORMAT = 2
 """Raised when a bundle of an earlier program can no longer be read."""
 
-_DIGEST = re.compile(r"[0-9a-f]{64}")
-
-
-class BundleError(ValueError):
-    """A bundle that is missing, damaged, or made by another version of the program."""
-
 
 class Catalogue:
     """The bundle of one study. Make one with `Catalogue.open`.
 
     Attributes:
+        folder: Where its files are.
         study: The study as declared.
         version: The hash of the bundle's content, 64 hexadecimal digits; the column `study_version` of the data.
     """
 
-    def __init__(self, folder: Path, version: str, content: Mapping[str, Any]) -> None:
+    def __init__(
+        self, folder: Path, version: str, content: Mapping[str, Any], table_digests: Mapping[str, str]
+    ) -> None:
         self.study = Study.model_validate_json(json.dumps(content["study"]))
         self.version = version
-        self._folder = folder
+        self.folder = folder
         self._texts = {language: _texts(language, entries) for language, entries in content["texts"].items()}
         self._digests: tuple[str, ...] = tuple(content["pictures"]["digests"])
         self._alts: dict[str, tuple[str, ...]] = {key: tuple(alts) for key, alts in content["pictures"]["alts"].items()}
         self._known = frozenset(self._digests)
         self._actions: tuple[str, ...] = tuple(content["actions"])
         self._trials = content["trials"]
+        self._pictures = PictureFiles(folder / "pictures")
         self._tables: dict[str, LayoutTable] = {}
+        self._table_digests = table_digests
         self._lock = threading.Lock()
 
     @classmethod
@@ -82,15 +83,18 @@ class Catalogue:
             BundleError: There is no bundle, its content is not what its name says, or it is of another format.
         """
         try:
-            content = json.loads((folder / "catalogue.json").read_text(encoding="utf-8"))
-            version = bundle_version(folder)
+            text = (folder / "catalogue.json").read_bytes()
+            content = json.loads(text)
+            digests = file_digests(folder)
         except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
             raise BundleError(f"{folder} is no study bundle ({error}); run `xar build`") from None
-        if version != folder.name:
+        version = version_of(digests)
+        if version != folder.name or hashlib.sha256(text).hexdigest() != digests["catalogue.json"]:
             raise BundleError(f"the study bundle {folder} is damaged: its content gives {version}; build it again")
         if content["format"] != CATALOGUE_FORMAT:
             raise BundleError(f"{folder} has format {content['format']}, not {CATALOGUE_FORMAT}; build it again")
-        return cls(folder, version, content)
+        tables = {name: digest for name, digest in digests.items() if name.startswith("tables/")}
+        return cls(folder, version, content, tables)
 
     @property
     def digests(self) -> tuple[str, ...]:
@@ -222,20 +226,36 @@ class Catalogue:
         name = action if isinstance(action, str) else self._actions[action]
         return self._texts[language](f"actions.{name}")
 
-    def picture_path(self, digest: str) -> Path | None:
-        """Return the file of a picture, or None if the bundle has no picture of this digest."""
-        return self._folder / "pictures" / f"{digest}.png" if digest in self._known else None
+    def picture(self, digest: str) -> Picture | None:
+        """Return a picture as it was built, or None if the bundle has no picture of this digest.
+
+        Raises:
+            BundleError: The file has gone or was changed.
+        """
+        if digest not in self._known:
+            return None
+        try:
+            return self._pictures.read(digest)
+        except (OSError, ValueError) as error:
+            raise self._damaged(error) from None
 
     def _table(self, layout: str) -> LayoutTable:
         if layout not in self.study.layouts:
             raise KeyError(layout)
         with self._lock:
             if layout not in self._tables:
+                name = f"tables/{layout}.json"
                 try:
-                    self._tables[layout] = read_layout_table(self._folder / "tables" / f"{layout}.json", layout)
-                except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-                    raise BundleError(f"the study bundle {self._folder} is damaged ({error}); build it again") from None
+                    text = (self.folder / name).read_bytes()
+                except OSError as error:
+                    raise self._damaged(error) from None
+                if hashlib.sha256(text).hexdigest() != self._table_digests.get(name):
+                    raise self._damaged(f"{name} was changed since it was opened")
+                self._tables[layout] = parse_layout_table(text, layout)
             return self._tables[layout]
+
+    def _damaged(self, how: object) -> BundleError:
+        return BundleError(f"the study bundle {self.folder} is damaged ({how}); build it again")
 
     def _frame(self, index: int, language: str) -> Frame:
         return Frame(digest=self._digests[index], alt=self._alts[language][index])
@@ -246,39 +266,6 @@ class Catalogue:
 
     def _wordings(self, actions: Sequence[int | str], language: str) -> tuple[str, ...]:
         return tuple(self.action_name(action, language) for action in actions)
-
-
-def bundle_version(folder: Path) -> str:
-    """Hash a bundle's content: the path and the bytes of every file, in the order of the paths.
-
-    Returns:
-        SHA-256 in hexadecimal.
-    """
-    digest = hashlib.sha256()
-    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
-        content = hashlib.sha256(path.read_bytes()).hexdigest()
-        digest.update(f"{content}  {path.relative_to(folder).as_posix()}\n".encode())
-    return digest.hexdigest()
-
-
-def current_bundle(instance: Path, study: str) -> Path:
-    """Return the folder of the bundle that was built last for a study.
-
-    Args:
-        instance: The instance folder.
-        study: The study's name.
-
-    Raises:
-        BundleError: No bundle was built.
-    """
-    pointer = instance / "bundles" / f"current-{study}"
-    try:
-        version = pointer.read_text(encoding="ascii").strip()
-    except (OSError, UnicodeDecodeError):
-        raise BundleError(f"there is no bundle of study {study!r} in {instance}; run `xar build`") from None
-    if not _DIGEST.fullmatch(version):
-        raise BundleError(f"{pointer} does not name a bundle; run `xar build`")
-    return instance / "bundles" / version
 
 
 def _texts(language: str, entries: Mapping[str, str | list[str]]) -> Texts:

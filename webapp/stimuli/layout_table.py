@@ -4,7 +4,6 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
 from webapp.stimuli.world_table import WorldTable
 
@@ -51,13 +50,8 @@ class LayoutTable:
         return (before, after), (self.world.path_actions[step - 1],)
 
 
-def read_layout_table(file: Path, layout: str) -> LayoutTable:
-    """Read a layout's table.
-
-    Raises:
-        OSError: It cannot be read.
-        ValueError: It is not JSON.
-    """
-    content = json.loads(file.read_text(encoding="utf-8"))
+def parse_layout_table(text: bytes, layout: str) -> LayoutTable:
+    """Read a layout's table from the bytes of its file."""
+    content = json.loads(text)
     sentences = {language: tuple(steps) for language, steps in content["sentences"].items()}
     return LayoutTable(WorldTable.from_content(layout, content), tuple(content["pictures"]), sentences)

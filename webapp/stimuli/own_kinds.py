@@ -2,6 +2,7 @@
 
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -48,16 +49,25 @@ OwnKindFunctions = Mapping[str, OwnKindFunction]
 
 
 def chosen_steps(kind: str, function: OwnKindFunction, task: ExplanationTask) -> tuple[int, ...]:
-    """Let an own kind choose, and check its choice.
+    """Let an own kind choose, twice, and check its choice.
 
     Raises:
-        BuildError: It raised something, or what it returned is no choice of steps; the message names it.
+        BuildError: It raised something, what it returned is no choice of steps, or it chose otherwise when it was asked
+            again; the message names it.
     """
     where = f"layout {task.layout!r}: the kind {kind!r}"
+    first, second = (_choice(where, function, replace(task, rng=deepcopy(task.rng))) for _ in range(2))
+    if first != second:
+        wish = "it should return the same in every build, so draw with `rng` alone"
+        raise BuildError(f"{where} returned {list(first)}, and {list(second)} when it was asked again; {wish}")
+    return first
+
+
+def _choice(where: str, function: OwnKindFunction, task: ExplanationTask) -> tuple[int, ...]:
     try:
         returned = function(task)
         steps = list(returned) if isinstance(returned, Iterator) else returned  # Its own code may yield them.
-    except Exception as problem:
+    except (Exception, SystemExit) as problem:
         raise BuildError(f"{where} raised {type(problem).__name__}: {problem}") from problem
     wish = f"it should return ascending steps from 1 to {task.path.num_steps}, at least one"
     try:

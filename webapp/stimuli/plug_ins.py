@@ -1,4 +1,4 @@
-"""How a study's own code is found: a module beside its study file, an installed one, or an entry point.
+"""How a study's own code is found: a module in the study's folder, an installed one, or an entry point.
 
 Only the build imports it. What a web worker shows of it stands in the bundle.
 """
@@ -48,7 +48,8 @@ class Origin:
 def study_modules(folder: Path) -> Iterator[None]:
     """Let the Python files beside a study file be imported, and forget them afterwards.
 
-    Their folder is searched first. Within the context of the same folder this does nothing.
+    Their folder is searched first, and nothing is written into it. Within the context of the same folder this does
+    nothing.
 
     Args:
         folder: The study's folder.
@@ -57,16 +58,20 @@ def study_modules(folder: Path) -> Iterator[None]:
     if str(folder) in sys.path[:1]:
         yield
         return
-    path, known = list(sys.path), set(sys.modules)
+    path, known, writes = list(sys.path), set(sys.modules), sys.dont_write_bytecode
     sys.path.insert(0, str(folder))
+    # Compiled code is known by its source's size and second: after a quick change it would stand for the old one.
+    sys.dont_write_bytecode = True
     importlib.invalidate_caches()
     try:
         yield
     finally:
+        # A folder of modules says where it lies only while the path leads there and what it belongs to is known.
+        own = [name for name in sys.modules.keys() - known if _lies_in(sys.modules[name], folder)]
+        for name in own:
+            del sys.modules[name]
         sys.path[:] = path
-        for name in sys.modules.keys() - known:
-            if _lies_in(sys.modules[name], folder):
-                del sys.modules[name]
+        sys.dont_write_bytecode = writes
 
 
 def find(use: str, group: str, folder: Path) -> Any:  # noqa: ANN401 - whatever the researcher wrote.
@@ -135,19 +140,20 @@ def _import(name: str, folder: Path) -> ModuleType:
         if problem.name is not None and (name == problem.name or name.startswith(f"{problem.name}.")):
             raise ValueError(f"there is no module {name!r} beside the study file or among what is installed") from None
         raise ValueError(f"the module {name!r} cannot be imported: {problem}") from problem
-    except Exception as problem:
+    except (Exception, SystemExit) as problem:
         raise ValueError(f"the module {name!r} cannot be imported: {type(problem).__name__}: {problem}") from problem
-    beside = folder.resolve() / f"{name.partition('.')[0]}.py"
-    if beside.exists() and not _lies_in(module, folder.resolve()):
-        raise ValueError(f"the module {name!r} is another than {beside.name} beside the study file; rename the file")
-    if not beside.exists() and _lies_in(module, folder.resolve()):
-        raise ValueError(f"the module {name!r} lies in a folder of its own; put it beside the study file, as one file")
+    top = name.partition(".")[0]
+    for beside in (f"{top}.py", f"{top}/__init__.py"):
+        if (folder / beside).exists() and not _lies_in(module, folder.resolve()):
+            raise ValueError(f"the module {name!r} is another than {beside} beside the study file; rename the file")
     return module
 
 
 def _lies_in(module: ModuleType, folder: Path) -> bool:
+    """Tell whether a module was imported from a folder; one without a file is a folder of modules."""
     file = getattr(module, "__file__", None)
-    return file is not None and Path(file).resolve().is_relative_to(folder)
+    places = getattr(module, "__path__", ()) if file is None else (file,)
+    return any(Path(place).resolve().is_relative_to(folder) for place in places)
 
 
 def _distribution(module: str) -> str | None:

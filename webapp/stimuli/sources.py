@@ -12,6 +12,7 @@ from webapp.explainer.pictures.words import PHRASES, check_phrases
 from webapp.explainer.worlds.finite import own_failures
 from webapp.explainer.worlds.key_door import ACTIONS, tabulate
 from webapp.explainer.worlds.layout import Layout, LayoutError, parse_layout
+from webapp.stimuli.frozen_files import folder_problems
 from webapp.stimuli.own_kinds import OwnKindFunction
 from webapp.stimuli.own_worlds import ShownWorld, load_world
 from webapp.stimuli.plug_ins import KINDS_GROUP, Origin, find, origin_of, study_modules
@@ -90,6 +91,7 @@ def read_sources(folder: Path, shared_texts: Path = SHARED_TEXTS) -> Sources:
     problems: list[str] = []
     if study.name != folder.name:
         problems.append(f"{file}: name: is {study.name!r} in the folder {folder.name!r}; use one name")
+    problems += folder_problems(folder)
     key_door = [name for name in study.layouts if name not in study.worlds]
     step_phrases: dict[str, Mapping[str, str]] = {}
     for number, language in enumerate(study.languages if key_door else ()):

@@ -6,7 +6,7 @@ from datetime import datetime
 from sqlalchemy import ColumnElement, Connection, delete, func, insert, select, update
 
 from webapp.storage.database import Database
-from webapp.storage.records import ACTORS, Entry, append
+from webapp.storage.records import ACTORS, COMMAND_LINE, Entry, append
 from webapp.storage.researchers import ABSOLUTE_LIMIT, IDLE_LIMIT, Role, hash_password
 from webapp.storage.tables import researcher_sessions, researchers
 
@@ -67,6 +67,8 @@ def check_name(name: str) -> None:
     """
     if not name or len(name) > MAX_NAME_LENGTH or not name.isprintable() or name != name.strip():
         raise AccountError(f"{name!r} cannot be a name; use 1 to {MAX_NAME_LENGTH} characters, no blanks at the ends")
+    if "/" in name or name in {".", ".."}:
+        raise AccountError(f"{name!r} cannot be a name; it is part of addresses, so use no slash")
     if name in ACTORS:
         raise AccountError(f"{name!r} cannot be a name; the log uses it for somebody else")
 
@@ -79,14 +81,12 @@ def create_researcher(database: Database, name: str, password: str, now: datetim
         AccountError: The name or the password cannot be used.
     """
     check_name(name)
-    if not MIN_PASSWORD_LENGTH <= len(password) <= MAX_PASSWORD_LENGTH:
-        raise AccountError(f"a password needs at least {MIN_PASSWORD_LENGTH} characters, not {len(password)}")
-    hashed = hash_password(password)
+    hashed = _hashed(password)
     with database.write() as connection:
         if connection.execute(select(researchers.c.id).where(researchers.c.name == name)).one_or_none():
             raise AccountExistsError(f"there is an account {name!r} already")
         connection.execute(insert(researchers).values(name=name, password_hash=hashed, created_at=now, role=role))
-        append(connection, Entry(now, name, "created", content={"account": name, "role": role}))
+        append(connection, Entry(now, COMMAND_LINE, "created", content={"account": name, "role": role}))
 
 
 def has_researcher(database: Database, name: str) -> bool:
@@ -141,6 +141,19 @@ def change_role(database: Database, name: str, role: Role, actor: str, now: date
         append(connection, Entry(now, actor, "role_changed", content={"account": name, "role": role}))
 
 
+def change_password(database: Database, name: str, password: str, actor: str, now: datetime) -> None:
+    """Give an account another password, and end its sessions.
+
+    Raises:
+        AccountError: There is no such account, or the password cannot be used.
+    """
+    hashed = _hashed(password)
+    with database.write() as connection:
+        account = _change(connection, name, password_hash=hashed)
+        connection.execute(delete(researcher_sessions).where(researcher_sessions.c.researcher_id == account))
+        append(connection, Entry(now, actor, "password_changed", content={"account": name}))
+
+
 def disable(database: Database, name: str, actor: str, now: datetime) -> None:
     """Close an account for good, and end its sessions. What it did stays on record under its name.
 
@@ -173,6 +186,12 @@ def revoke_sessions(database: Database, name: str, actor: str, now: datetime, se
 
 
 _ID_LENGTH = 12
+
+
+def _hashed(password: str) -> str:
+    if not MIN_PASSWORD_LENGTH <= len(password) <= MAX_PASSWORD_LENGTH:
+        raise AccountError(f"a password needs at least {MIN_PASSWORD_LENGTH} characters, not {len(password)}")
+    return hash_password(password)
 
 
 def _is_open(now: datetime) -> tuple[ColumnElement[bool], ...]:

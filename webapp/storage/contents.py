@@ -120,8 +120,26 @@ def page_rows(source: Source, participant_id: int, page: int, attempt: int | Non
         table.name: source.rows(table, participant_id, page_number=page)
         for table in (ratings, predictions, drives, events)
     }
-    found = {**of_page, "pages": source.rows(pages, participant_id, number=page)}
+    found = {
+        **of_page,
+        "pages": source.rows(pages, participant_id, number=page),
+        **_ending(source, participant_id, page),
+    }
     return found if attempt is None else {**found, **attempt_rows(source, participant_id, page, attempt)}
+
+
+def _ending(source: Source, participant_id: int, page: int) -> _Rows:
+    """Return whether and when the study ended with a page, if it is the last one there is."""
+    is_last = page == max((row["number"] for row in source.rows(pages, participant_id)), default=0)
+    person = source.rows(participants, participant_id) if is_last else ()
+    ended = [
+        {
+            "completed_at": row["completed_at"] if page == row["num_pages"] else None,
+            "screened_out_at": row["screened_out_at"],
+        }
+        for row in person
+    ]
+    return {"ended": [entry for entry in ended if any(entry.values())]}
 
 
 def _owner(table: Table) -> str:

@@ -7,6 +7,7 @@ SQLite 3.7.0 to 3.51.2 can lose committed rows in WAL mode when two connections 
 import os
 import sqlite3
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -125,20 +126,36 @@ class Database:
             connection.exec_driver_sql("CREATE TABLE health_check (id INTEGER)")
             connection.rollback()
 
-    def forget(self) -> None:
+    def forget(self, tries: int = 20) -> bool:
         """Let nothing of erased rows stay behind on disk.
 
         The journal is emptied into the database, whose freed pages are overwritten with zeros (`secure_delete`).
+        Whoever reads at the moment holds that up; between the tries, a quarter of a second apart, others may write.
+
+        Returns:
+            Whether it is done. If not, it is when the last connection is closed.
         """
-        with self._write_lock, self._writer.connect() as connection:
-            driver = connection.connection.driver_connection
-            assert isinstance(driver, sqlite3.Connection)  # noqa: S101 - for the type checker
-            driver.execute("PRAGMA wal_checkpoint(TRUNCATE)").close()
+        for _ in range(tries):
+            if self._empty_journal():
+                return True
+            time.sleep(0.25)
+        return False
 
     def close(self) -> None:
         """Close every connection."""
         self._readers.dispose()
         self._writer.dispose()
+
+    def _empty_journal(self) -> bool:
+        with self._write_lock, self._writer.connect() as connection:
+            driver = connection.connection.driver_connection
+            assert isinstance(driver, sqlite3.Connection)  # noqa: S101 - for the type checker
+            driver.execute("PRAGMA busy_timeout=0").close()
+            try:
+                (is_busy, *_) = driver.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+            finally:
+                driver.execute(f"PRAGMA busy_timeout={1000 * BUSY_TIMEOUT_S}").close()
+        return not is_busy
 
     def _revision(self) -> str | None:
         with self.read() as connection:

@@ -29,7 +29,7 @@ from webapp.storage.database import Database
 from webapp.storage.dataset_description import Covered, describe, variables_measured
 from webapp.storage.dataset_readme import readme
 from webapp.storage.exports import FILE_NAMES, ExportError, columns_of, write_csv
-from webapp.storage.records import head
+from webapp.storage.records import COMMAND_LINE, Entry, append, head
 from webapp.storage.scope import Mode, Scope
 from webapp.storage.snapshot import snapshot
 from webapp.storage.tables import participants
@@ -71,6 +71,7 @@ def export(database: Database, folder: Path, wanted: Wanted, now: datetime) -> d
     """
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
         raise ExportError(f"{folder} exists already and is not an empty folder; choose another one")
+    _refuse_nothing(database, wanted)
     draft = folder.with_name(f".{folder.name}-{secrets.token_hex(4)}.unfinished")
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -86,6 +87,28 @@ def export(database: Database, folder: Path, wanted: Wanted, now: datetime) -> d
             raise ExportError(f"the data cannot be read: {error}") from error
         raise
     return {name: told.num_rows or 0 for name, told in written.items() if name.startswith("data/") and _is_table(name)}
+
+
+def _refuse_nothing(database: Database, wanted: Wanted) -> None:
+    """Refuse a choice to which nobody belongs, which would look like data of nobody."""
+    if wanted.study is None and wanted.study_version is None:
+        return
+    key = (participants.c.study, participants.c.study_version)
+    with database.read() as connection:
+        known = connection.execute(select(*key).distinct().order_by(*key)).all()
+        if connection.execute(select(participants.c.id).where(wanted.of(participants)).limit(1)).first():
+            return
+    there = ", ".join(f"{study} {version[:12]}" for study, version in known) or "none"
+    chosen = " ".join(filter(None, (wanted.study, wanted.study_version, wanted.mode)))
+    raise ExportError(f"there are no data of {chosen}; there are data of {there}")
+
+
+def record_export(database: Database, wanted: Wanted, now: datetime) -> None:
+    """Record that a data set was written from the command line, and of what."""
+    chosen = {"study": wanted.study, "version": wanted.study_version, "mode": wanted.mode}
+    content = {"file": "the data set", **chosen, "own_words": wanted.with_free_text}
+    with database.write() as connection:
+        append(connection, Entry(now, COMMAND_LINE, "downloaded", content=content))
 
 
 def write_archive(database: Database, file: IO[bytes], wanted: Wanted, now: datetime) -> None:

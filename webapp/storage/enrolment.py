@@ -10,7 +10,7 @@ from sqlalchemy import Connection, insert, select
 
 from webapp.storage.contents import Stored, consent_rows
 from webapp.storage.database import Database
-from webapp.storage.ledger import allocate, release_abandoned, taken_slots
+from webapp.storage.ledger import allocate, release_abandoned, taken_places
 from webapp.storage.participants import Participant, read_participant
 from webapp.storage.records import PARTICIPANT, SYSTEM, Entry, append
 from webapp.storage.scope import Mode, Scope
@@ -83,7 +83,7 @@ def enrol(database: Database, enrolment: Enrolment, now: datetime) -> Participan
             return known
         _refuse_a_second_time(connection, enrolment)
         release_abandoned(connection, enrolment.scope, enrolment.study.lease_minutes, now)
-        _refuse_beyond_quota(connection, enrolment)
+        _refuse_beyond_quota(connection, enrolment, now)
         allocation = allocate(connection, enrolment.study, enrolment.scope, Draws(secrets.token_hex(32)))
         num_pages = len(all_pages(enrolment.study, allocation.trials))
         participant_id = _insert_participant(connection, enrolment, num_pages, now)
@@ -129,9 +129,9 @@ def _refuse_a_second_time(connection: Connection, enrolment: Enrolment) -> None:
         raise AlreadyTookPartError("whom the recruiter sent takes part already")
 
 
-def _refuse_beyond_quota(connection: Connection, enrolment: Enrolment) -> None:
+def _refuse_beyond_quota(connection: Connection, enrolment: Enrolment, now: datetime) -> None:
     quota = enrolment.study.quota
-    if enrolment.mode == "live" and quota is not None and taken_slots(connection, enrolment.scope) >= quota:
+    if enrolment.mode == "live" and quota is not None and taken_places(connection, enrolment.study, now) >= quota:
         raise StudyFullError(f"{quota} places are taken, as many as there are")
 
 

@@ -8,17 +8,23 @@ from webapp.storage.database import Database
 from webapp.storage.ledger import slot_of
 from webapp.storage.people import read_person
 from webapp.storage.records import LEDGER, Entry, append
+from webapp.storage.snapshot import remove_stale
 from webapp.storage.tables import ANSWER_TABLES, participant_tokens, participants, record_contents, records
 
 
-def erase(database: Database, code: str, actor: str, now: datetime) -> None:
+def erase(database: Database, code: str, actor: str, now: datetime) -> bool:
     """Withdraw a participant and erase every row of theirs; what is left tells neither who it was nor what they said.
 
     The chain keeps salted digests, whose salt is erased too, and the ledger the place that was given out.
 
+    Returns:
+        Whether nothing is left on the disk. If somebody kept the database open all the while, the last traces go when
+        it is closed.
+
     Raises:
         PersonError: There is no such participant.
     """
+    remove_stale(database)
     with database.write() as connection:
         person = read_person(connection, code)
         slot = slot_of(connection, person.id)
@@ -34,4 +40,4 @@ def erase(database: Database, code: str, actor: str, now: datetime) -> None:
             connection.execute(delete(table).where(table.c.participant_id == person.id))
         connection.execute(delete(participants).where(theirs))
         append(connection, Entry(now, actor, "erased", person.scope, content={"slot": slot}))
-    database.forget()
+    return database.forget()

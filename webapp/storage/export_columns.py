@@ -277,13 +277,8 @@ def names(variables: Iterable[Variable]) -> tuple[str, ...]:
     return tuple(variable.name for variable in variables)
 
 
-RATINGS_COLUMNS = names(RATINGS)
 PARTICIPANTS_COLUMNS = names(PARTICIPANTS)
 ANSWERS_COLUMNS = names(ANSWERS)
 PROBES_COLUMNS = names(PROBES)
 DRIVES_COLUMNS = names(DRIVES)
-EVENTS_COLUMNS = names(EVENTS)
 ALLOCATION_COLUMNS = names(ALLOCATION)
-DECISIONS_COLUMNS = names(DECISIONS)
-QUALITY_COLUMNS = names(QUALITY)
-RECRUITS_COLUMNS = names(RECRUITS)

@@ -8,6 +8,7 @@ from sqlalchemy import Column, Connection, func, insert, select, update
 from webapp.storage.answer_rows import trial_number
 from webapp.storage.contents import Stored, page_rows
 from webapp.storage.database import Database
+from webapp.storage.ledger import resume_slot
 from webapp.storage.participants import Participant, hash_token
 from webapp.storage.people import PersonError, checked, read_person, record_about
 from webapp.storage.records import Entry
@@ -30,6 +31,8 @@ def release_page(database: Database, code: str, page: Page, reason: str, actor: 
         if page.number == person.num_pages:
             ended = update(participants).where(participants.c.id == person.id).values(completed_at=now)
             connection.execute(ended)
+            if person.slot_released_at is not None:
+                resume_slot(connection, person.scope, person.subject, now)
         content = {"page": page.number, "reason": told}
         record_about(connection, person, Entry(now, actor, "page_released", page=page.number, content=content))
         rows = page_rows(Stored(connection), person.id, page.number, None)
@@ -54,7 +57,7 @@ def restart_page(database: Database, code: str, page: int, reason: str, actor: s
         }
         key = {"participant_id": person.id, "page_number": page, "number": number}
         connection.execute(insert(page_restarts).values(**key, **row, at=now))
-        content = {"page": page, "reason": told, **row}
+        content = {"page": page, "number": number, "reason": told, **row}
         record_about(connection, person, Entry(now, actor, "page_restarted", page=page, part=number, content=content))
 
 

@@ -105,12 +105,18 @@ def slot_of(connection: Connection, participant_id: int) -> int:
     return int(connection.execute(query).scalar_one())
 
 
-def taken_slots(connection: Connection, scope: Scope) -> int:
-    """Return how many places count."""
-    query = select(func.count()).select_from(participants)
-    return connection.execute(
-        query.where(scope.of(participants), participants.c.slot_released_at.is_(None))
-    ).scalar_one()
+def taken_places(connection: Connection, study: Study, now: datetime) -> int:
+    """Return how many people of all versions of a live study have finished, or may still finish within the lease."""
+    person = participants.c
+    under_way = and_(
+        person.withdrawn_at.is_(None),
+        person.screened_out_at.is_(None),
+        person.last_seen_at >= now - timedelta(minutes=study.lease_minutes),
+    )
+    query = select(func.count()).where(
+        person.study == study.name, person.mode == "live", or_(person.completed_at.is_not(None), under_way)
+    )
+    return connection.execute(query).scalar_one()
 
 
 def _uses(connection: Connection, scope: Scope, experiment: Experiment) -> dict[_Cell, int]:

@@ -59,11 +59,12 @@ class ScopePeople:
             touched = self._touched(connection)
             num_here = _count(connection, self._scope)
             self.num_elsewhere = _count(connection) - num_here
-            touched |= self._decide(connection)
-        self._read(touched)
+            decided, excluded = self._decide(connection)
+        changed = set(decided.duplicates) ^ set(self._decided.duplicates)
+        self._read(touched | (changed & self.people.keys()), decided)
         if len(self.people) != num_here:
-            self._compare_with_all()
-        self.head = latest
+            self._compare_with_all(decided)
+        self.excluded, self._decided, self.head = excluded, decided, latest
         return latest
 
     def _touched(self, connection: Connection) -> set[int]:
@@ -82,30 +83,25 @@ class ScopePeople:
         )
         return set(connection.execute(query).scalars())
 
-    def _decide(self, connection: Connection) -> set[int]:
-        """Read what researchers decided and who is a duplicate, where that may have changed.
-
-        Returns:
-            Who has become a duplicate or is none any more, which may be due to somebody else.
-        """
+    def _decide(self, connection: Connection) -> tuple[Decided, Mapping[int, Exclusion]]:
+        """Read what researchers decided and who is a duplicate, where that may have changed."""
         since = 0 if self.head is None else self.head.number
         query = select(records.c.action).where(records.c.number > since).distinct()
         actions = set(connection.execute(query).scalars())
+        known = self._decided
+        excluded, released, twice = self.excluded, known.released, known.duplicates
         if actions & {"excluded", "included", "erased"}:
-            self.excluded = exclusion_states(connection, self._scope)
-        released, twice = self._decided.released, self._decided.duplicates
+            excluded = exclusion_states(connection, self._scope)
         if actions & {"page_released", "erased"}:
             released = released_pages(connection, self._scope)
         if self.plans.study.quality.duplicates and actions & {"consented", "erased"}:
             twice = duplicates(connection)
-        changed = set(twice) ^ set(self._decided.duplicates)
-        self._decided = Decided(excluded=self.excluded, released=released, duplicates=twice)
-        return changed & self.people.keys()
+        return Decided(excluded=excluded, released=released, duplicates=twice), excluded
 
-    def _read(self, ids: Collection[int]) -> None:
+    def _read(self, ids: Collection[int], decided: Decided) -> None:
         for chunk in _chunks(sorted(ids)):
             with self._database.read() as connection:
-                found = list(read_summaries(connection, self.plans, self._scope, chunk, self._decided))
+                found = list(read_summaries(connection, self.plans, self._scope, chunk, decided))
             self._forget(chunk)
             for person in found:
                 self.people[person.id] = person
@@ -118,12 +114,12 @@ class ScopePeople:
             if known is not None:
                 self.tally.remove(known)
 
-    def _compare_with_all(self) -> None:
+    def _compare_with_all(self, decided: Decided) -> None:
         """Drop whoever is there no more, and read whoever was missed."""
         with self._database.read() as connection:
             ids = _ids(connection, self._scope)
         self._forget(self.people.keys() - ids)
-        self._read(ids - self.people.keys())
+        self._read(ids - self.people.keys(), decided)
 
 
 def _ids(connection: Connection, scope: Scope) -> set[int]:

@@ -3,6 +3,7 @@
 Nothing that a participant answered is ever changed: each of these is a record of its own, with who, when and why.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -14,6 +15,7 @@ from webapp.storage.participants import Participant, read_by_code
 from webapp.storage.records import Action, Entry, append, told_by
 from webapp.storage.scope import Scope
 from webapp.storage.tables import answers, predictions, ratings
+from webapp.study.corrections import Asked, ImpossibleAnswerError
 
 MAX_REASON_LENGTH = 500
 """How many characters a reason or a note may have."""
@@ -44,13 +46,13 @@ class Correction:
 
     Attributes:
         file: The file of the data, such as `answers`.
-        page: The number of the page.
+        asked: What was asked on the page.
         question: The question or item.
         value: What should stand there.
     """
 
     file: str
-    page: int
+    asked: Asked
     question: str
     value: str
 
@@ -102,15 +104,18 @@ def correct(database: Database, code: str, correction: Correction, reason: str, 
     """Record what should stand in the data; the answer itself stays as it was given.
 
     Raises:
-        PersonError: There is no such participant or answer, or the reason or the value is missing or too long.
+        PersonError: There is no such participant or answer, nobody could have answered the value, or the reason or the
+            value is missing or too long.
     """
     value = checked("corrected value", correction.value)
     with database.write() as connection:
         person = read_person(connection, code)
         given = _answer(connection, person, correction)
-        place = {"file": correction.file, "page": correction.page, "question": correction.question}
+        _check_value(correction, value)
+        page = correction.asked.page.number
+        place = {"file": correction.file, "page": page, "question": correction.question}
         content = place | {"from": given, "to": value, "reason": checked("reason", reason)}
-        record_about(connection, person, Entry(now, actor, "corrected", page=correction.page, content=content))
+        record_about(connection, person, Entry(now, actor, "corrected", page=page, content=content))
 
 
 def exclusion_states(connection: Connection, scope: Scope | None = None) -> Mapping[int, Exclusion]:
@@ -167,9 +172,16 @@ def checked(what: str, text: str) -> str:
     return told
 
 
+def _check_value(correction: Correction, value: str) -> None:
+    try:
+        correction.asked.check(correction.file, correction.question, value)
+    except ImpossibleAnswerError as error:
+        raise PersonError(str(error)) from error
+
+
 def _answer(connection: Connection, person: Participant, correction: Correction) -> str:
     """Return what a participant answered."""
-    of_page = (correction.page, correction.question)
+    of_page = (correction.asked.page.number, correction.question)
     match correction.file:
         case "answers":
             query: Select[tuple[object]] = (
@@ -184,7 +196,7 @@ def _answer(connection: Connection, person: Participant, correction: Correction)
                 ratings.c.participant_id == person.id, ratings.c.page_number == of_page[0], ratings.c.item == of_page[1]
             )
         case "probes":
-            number = int(of_page[1]) if of_page[1].isdecimal() else 0
+            number = int(of_page[1]) if re.fullmatch(r"[0-9]{1,3}", of_page[1]) else 0
             query = select(predictions.c.predicted).where(
                 predictions.c.participant_id == person.id,
                 predictions.c.page_number == of_page[0],
@@ -194,7 +206,5 @@ def _answer(connection: Connection, person: Participant, correction: Correction)
             raise PersonError(f"{correction.file!r} cannot be corrected; use {', '.join(CORRECTABLE)}")
     given = connection.execute(query).scalar_one_or_none()
     if given is None:
-        raise PersonError(
-            f"participant {person.code!r} has no answer to {correction.question!r} on page {correction.page}"
-        )
+        raise PersonError(f"participant {person.code!r} has no answer to {correction.question!r} on page {of_page[0]}")
     return str(given)

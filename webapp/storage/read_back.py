@@ -1,4 +1,7 @@
-"""Everything that is stored of one participant's pages, as entries to compare with what a sender knows it sent."""
+"""What is stored of one participant's pages, as entries to compare with what a sender knows it sent.
+
+Logs of events are left out: the server drops from them what makes no sense, and no answer depends on them.
+"""
 
 from collections.abc import Iterator
 
@@ -9,11 +12,13 @@ from webapp.storage.participants import Participant
 from webapp.storage.tables import answers, drive_steps, drives, pages, predictions, ratings
 
 Entry = tuple[str, ...]
-"""A stored row without whose it is, on which page and when.
+"""A stored row without whose it is, on which page and when; a time is in milliseconds, `NOT_MEASURED` without one.
 
-`("page",)`, `("rating", item, value)`, `("answer", attempt, question, answer)`,
-`("prediction", question, action, confidence)`, `("step", number, action)` or `("drive", end)`.
+`("page",)`, `("rating", item, value, time)`, `("answer", attempt, question, answer)`,
+`("prediction", question, action, confidence, time)`, `("step", number, action, time)` or `("drive", end)`.
 """
+
+NOT_MEASURED = "not measured"
 
 
 def read_back(database: Database, participant: Participant) -> dict[int, list[Entry]]:
@@ -34,13 +39,13 @@ def _entries(connection: Connection, participant_id: int) -> Iterator[tuple[int,
             table.c.participant_id == participant_id
         )
         for number, *values in connection.execute(query):
-            yield number, (name, *map(str, values))
+            yield number, (name, *(NOT_MEASURED if value is None else str(value) for value in values))
 
 
 _PARTS: tuple[tuple[str, Table, tuple[str, ...]], ...] = (
-    ("rating", ratings, ("item", "rating")),
+    ("rating", ratings, ("item", "rating", "response_time_ms")),
     ("answer", answers, ("attempt", "question", "answer")),
-    ("prediction", predictions, ("question", "predicted", "confidence")),
-    ("step", drive_steps, ("number", "action")),
+    ("prediction", predictions, ("question", "predicted", "confidence", "response_time_ms")),
+    ("step", drive_steps, ("number", "action", "elapsed_ms")),
     ("drive", drives, ("end",)),
 )

@@ -41,6 +41,7 @@ Action = Literal[
     "published",
     "created",
     "role_changed",
+    "password_changed",
     "disabled",
     "signed_in",
     "signed_out",

@@ -1,18 +1,21 @@
 """The allocation ledger read again: as rows for the data, and drawn anew to prove that it adds up."""
 
+import json
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any
 
 from sqlalchemy import Connection, select
 
+from webapp.storage.contents import Remembered, Source
 from webapp.storage.database import Database
 from webapp.storage.records import Action, told_by
 from webapp.storage.scope import Scope
 from webapp.storage.snapshot import snapshot
-from webapp.storage.tables import participants, records
+from webapp.storage.streams import stream
+from webapp.storage.tables import arrangements, participants, record_contents, records, trials
 from webapp.study.counterbalancing import choose_cell
 from webapp.study.draws import Draws
 
@@ -38,36 +41,62 @@ class Replay:
 
 
 def allocation_rows(connection: Connection) -> Iterator[tuple[object, ...]]:
-    """Yield a row for each experiment of each draw, in order.
+    """Yield a row for each experiment of each draw, in order, with a few draws in memory at a time.
 
     Returns:
         Study, study version, mode, participant (None once erased), record, at, experiment, arrangement, layout order,
         word, uses (by `arrangement/order`), draws, and of the place: when and why it was last given back, and when it
         last counted again (None for never).
     """
-    for slot in _slots(connection).values():
-        for told in slot.content["experiments"]:
+    log, told = records.c, record_contents.c
+    query = (
+        select(log.study, log.study_version, log.mode, participants.c.code, log.number, log.at, told.content)
+        .join(record_contents, told.number == log.number)
+        .outerjoin(participants, participants.c.id == told.participant_id)
+        .where(log.action == "allocated")
+        .order_by(log.number)
+    )
+    returned = _returned(connection)
+    for *place, content in stream(connection, query):
+        draw = json.loads(content)
+        back = returned.get(place[-2], _KEPT)
+        for experiment in draw["experiments"]:
             yield (
-                *(slot.study, slot.study_version, slot.mode, slot.code, slot.number, slot.at),
-                *(told["experiment"], told["arrangement"], told["layout_order"], slot.content["word"], told["uses"]),
-                *(slot.content["draws"], slot.released_at, slot.why, slot.resumed_at),
+                *place,
+                *(experiment["experiment"], experiment["arrangement"], experiment["layout_order"], draw["word"]),
+                *(experiment["uses"], draw["draws"], back.released_at, back.why, back.resumed_at),
             )
 
 
 def replay(database: Database) -> Replay:
-    """Draw everything again from what the ledgers hold, and compare."""
+    """Draw everything again from what the ledgers hold, and compare it with what is there and with what people got."""
     problems: list[str] = []
     ledgers: dict[Scope, _Ledger] = {}
     num_allocations = num_before = 0
     with snapshot(database) as connection:
         scopes = _scopes(connection)
-        for number, _, _, action, _, _, content in told_by(connection, *_ACTIONS):
+        source = Remembered(connection)
+        for number, _, _, action, participant_id, _, content in told_by(connection, *_ACTIONS):
             ledger = ledgers.setdefault(scopes[number], _Ledger())
             if action == "allocated":
                 num_allocations += 1
                 num_before += content["word"] is None
+                if participant_id is not None:
+                    problems += [f"record {number}: {problem}" for problem in _given(source, participant_id, content)]
             problems += [f"record {number}: {problem}" for problem in ledger.take(number, action, content)]
     return Replay(num_allocations, num_before, tuple(problems))
+
+
+def _given(source: Source, participant_id: int, content: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what a participant was given otherwise than the ledger says."""
+    rows = source.rows(arrangements, participant_id)
+    given = {row["experiment"]: (row["arrangement"], row["layout_order"]) for row in rows}
+    drawn = {told["experiment"]: _cell(told) for told in content["experiments"]}
+    if given != drawn:
+        yield f"drew {drawn}, and the participant has {given}"
+    draws = [row["draw"] for row in source.rows(trials, participant_id) if row["draw"] is not None]
+    if content["word"] is not None and draws != content["draws"]:
+        yield f"drew {content['draws']} for random explanations, and the participant has {draws}"
 
 
 @dataclass(slots=True)
@@ -120,32 +149,28 @@ class _Ledger:
             yield f"has the draws {content['draws']}, and its word gives {again}"
 
 
-@dataclass(slots=True)
-class _Slot:
-    number: int
-    at: datetime
-    study: str
-    study_version: str
-    mode: str
-    code: str | None
-    content: Mapping[str, Any]
+@dataclass(frozen=True, slots=True)
+class _Returned:
+    """When and why a place was last given back, and when it last counted again."""
+
     released_at: datetime | None = None
     why: str | None = None
     resumed_at: datetime | None = None
 
 
-def _slots(connection: Connection) -> dict[int, _Slot]:
-    scopes, codes = _scopes(connection), _codes(connection)
-    found: dict[int, _Slot] = {}
-    for number, at, _, action, participant_id, _, content in told_by(connection, *_ACTIONS):
-        if action == "allocated":
-            scope = scopes[number]
-            code = codes.get(participant_id)
-            found[number] = _Slot(number, at, scope.study, scope.study_version, scope.mode, code, content)
-        elif (slot := found.get(content["slot"])) is not None and action == "slot_resumed":
-            slot.resumed_at = at
-        elif slot is not None:
-            slot.released_at, slot.why = at, content.get("why", "erased")
+_KEPT = _Returned()
+
+
+def _returned(connection: Connection) -> dict[int, _Returned]:
+    """Return what became of places, by the number of the draw's record; of those alone that were ever given back."""
+    found: dict[int, _Returned] = {}
+    for _, at, _, action, _, _, content in told_by(connection, "slot_released", "slot_resumed", "erased"):
+        slot = content["slot"]
+        before = found.get(slot, _KEPT)
+        if action == "slot_resumed":
+            found[slot] = replace(before, resumed_at=at)
+        else:
+            found[slot] = replace(before, released_at=at, why=content.get("why", "erased"))
     return found
 
 
@@ -156,10 +181,6 @@ def _scopes(connection: Connection) -> dict[int, Scope]:
     for number, *key in connection.execute(query.where(records.c.action.in_(_ACTIONS))):
         found[number] = known.setdefault(tuple(key), Scope(*key))
     return found
-
-
-def _codes(connection: Connection) -> dict[int, str]:
-    return dict(tuple(row) for row in connection.execute(select(participants.c.id, participants.c.code)))
 
 
 def uses_of(told: Mapping[str, Any]) -> dict[_Cell, int]:

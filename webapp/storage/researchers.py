@@ -120,6 +120,7 @@ def find_session(database: Database, token: str, now: datetime, *, active: bool)
             researcher_sessions.c.token_hash == hash_token(token),
             researcher_sessions.c.last_seen_at > now - IDLE_LIMIT,
             researcher_sessions.c.created_at > now - ABSOLUTE_LIMIT,
+            researchers.c.disabled_at.is_(None),
         )
     )
     with database.read() as connection:
@@ -141,10 +142,13 @@ def sign_out(database: Database, session: ResearcherSession, now: datetime) -> N
 def knows_password(database: Database, session: ResearcherSession, password: str, now: datetime) -> bool:
     """Tell whether whoever is signed in knows the password, before something that cannot be undone.
 
+    Attempts are counted apart from those to sign in: whoever tries wrong passwords from outside hinders nobody inside.
+
     Raises:
         TooManyAttemptsError: Wrong passwords came too fast.
     """
-    name_hash = hashlib.sha256(session.name.encode()).hexdigest()
+    # No text in UTF-8 has the byte 0xFF, so that no name that somebody signs in with is counted here.
+    name_hash = hashlib.sha256(b"\xff" + session.name.encode()).hexdigest()
     with database.write() as connection:
         _count_attempt(connection, name_hash, now)
         query = select(researchers.c.password_hash).where(researchers.c.name == session.name)

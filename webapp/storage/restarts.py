@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 from sqlalchemy import Connection, func, select
 
+from webapp.storage.database import Database
+from webapp.storage.participants import Participant
 from webapp.storage.tables import answers, drive_steps, page_restarts
 
 
@@ -24,6 +26,17 @@ class Restart:
     number: int
     after_step: int
     after_attempt: int
+
+
+def find_restarts(database: Database, participant: Participant) -> dict[int, int]:
+    """Return by page how often a participant began it anew; pages never begun anew are missing."""
+    query = (
+        select(page_restarts.c.page_number, func.max(page_restarts.c.number))
+        .where(page_restarts.c.participant_id == participant.id)
+        .group_by(page_restarts.c.page_number)
+    )
+    with database.read() as connection:
+        return dict(tuple(row) for row in connection.execute(query))
 
 
 def latest_restart(connection: Connection, participant_id: int, page: int) -> Restart:

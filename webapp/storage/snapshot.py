@@ -1,15 +1,18 @@
 """One state of the database, held apart: whoever reads it long keeps no participant waiting."""
 
+import fcntl
 import os
 import sqlite3
 import tempfile
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 from sqlalchemy import Connection, StaticPool, create_engine
 
 from webapp.storage.database import Database
+
+_PREFIX = ".snapshot-"
 
 
 @contextmanager
@@ -17,14 +20,16 @@ def snapshot(database: Database) -> Iterator[Connection]:
     """Copy the database, which takes a moment, and open a transaction on the copy.
 
     The copy lies in the instance's folder, is closed to others, and has no name any more once it is complete: nothing
-    is left of it when the process ends, however it ends.
+    is left of it when the process ends. If a process is killed while it copies, the next copy removes what it left.
     """
-    handle, path = tempfile.mkstemp(prefix=".snapshot-", dir=database.path.parent)
-    os.close(handle)
+    remove_stale(database)
+    handle, path = tempfile.mkstemp(prefix=_PREFIX, dir=database.path.parent)
+    fcntl.flock(handle, fcntl.LOCK_EX)  # It says that the copy is in the making, and ends with the process.
     try:
         copy = sqlite3.connect(path, check_same_thread=False)
     except BaseException:
         Path(path).unlink()
+        os.close(handle)
         raise
     with closing(copy):
         try:
@@ -33,11 +38,20 @@ def snapshot(database: Database) -> Iterator[Connection]:
             _copy(database, copy)
         finally:
             Path(path).unlink()
+            os.close(handle)
         copy.isolation_level = None
         copy.execute("PRAGMA query_only=ON").close()
         engine = create_engine("sqlite://", creator=lambda: copy, poolclass=StaticPool, hide_parameters=True)
         with engine.connect() as connection:
             yield connection
+
+
+def remove_stale(database: Database) -> None:
+    """Remove copies that were left half-made by processes that are no more."""
+    for path in database.path.parent.glob(f"{_PREFIX}*"):
+        with path.open("rb") as file, suppress(BlockingIOError):
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            path.unlink(missing_ok=True)
 
 
 def _copy(database: Database, copy: sqlite3.Connection) -> None:

@@ -1,15 +1,19 @@
 """Who may see which arm is which: nobody, until an owner opens the mask for themselves, which is recorded for ever."""
 
+import functools
 import hashlib
 import hmac
 from collections.abc import Mapping
 from datetime import datetime
+
+from sqlalchemy import select
 
 from webapp.storage.database import Database
 from webapp.storage.participants import Participant
 from webapp.storage.people import checked
 from webapp.storage.records import Entry, append, told_by
 from webapp.storage.scope import Scope
+from webapp.storage.tables import records
 from webapp.study.protocol import Study
 
 
@@ -50,15 +54,30 @@ def unblind_person(database: Database, account: str, person: Participant, reason
         append(connection, Entry(now, account, "person_unblinded", person.scope, person.subject, content=content))
 
 
-def arm_labels(secret: bytes, scope: Scope, study: Study) -> Mapping[str, str]:
-    """Return what the kinds of explanation are called while they are masked: `Arm A`, `Arm B` and so on.
+def has_looked(database: Database, account: str, scope: Scope) -> bool:
+    """Tell whether an account ever saw what a participant of these data was shown, erased since or not."""
+    looked = records.c.action == "person_unblinded", records.c.actor == account, scope.of(records)
+    with database.read() as connection:
+        return connection.execute(select(records.c.number).where(*looked).limit(1)).first() is not None
 
-    Which letter a kind gets follows from the instance's secret, so that it stays the same and cannot be guessed.
+
+def arm_labels(secret: bytes, scope: Scope, study: Study) -> Mapping[tuple[str, str], str]:
+    """Return what the kinds of explanation are called while they are masked, by experiment and kind.
+
+    Each experiment has its own `Arm A`, `Arm B` and so on: letters that were the same in all of them would be told by
+    which kinds an experiment lacks. Which letter a kind gets follows from the instance's secret, so that it stays the
+    same and cannot be guessed.
     """
-    kinds = {kind for experiment in study.experiments for kind in experiment.kinds}
-    place = f"mask|{scope.study}|{scope.study_version}|{scope.mode}|"
-    order = sorted(kinds, key=lambda kind: hmac.new(secret, (place + kind).encode(), hashlib.sha256).digest())
-    return {kind: f"Arm {_letters(number)}" for number, kind in enumerate(order)}
+    place = f"mask|{scope.study}|{scope.study_version}|{scope.mode}"
+
+    def lot(experiment: str, kind: str) -> bytes:
+        return hmac.new(secret, f"{place}|{experiment}|{kind}".encode(), hashlib.sha256).digest()
+
+    return {
+        (experiment.id, kind): f"Arm {_letters(number)}"
+        for experiment in study.experiments
+        for number, kind in enumerate(sorted(experiment.kinds, key=functools.partial(lot, experiment.id)))
+    }
 
 
 def _letters(number: int) -> str:

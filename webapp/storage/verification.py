@@ -5,15 +5,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, func, select
+from sqlalchemy import Connection, select
 
 from webapp.storage.contents import Remembered, Source, attempt_rows, consent_rows, page_rows, step_rows
 from webapp.storage.database import Database
 from webapp.storage.records import FIRST_HASH, LEDGER, Head, Subject, chained, content_digest
 from webapp.storage.snapshot import snapshot
-from webapp.storage.tables import answers, drive_steps, page_restarts, pages, participants, record_contents, records
+from webapp.storage.tables import page_restarts, participants, record_contents, records
+from webapp.storage.vouched import Vouched, account_problems, stored_problems
 
 _MOST_TOLD = 100
+
+_Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,135 +44,136 @@ def verify_log(database: Database, known: tuple[int, str] | None = None) -> Veri
         known: Number and hash of a head that was noted down before. Only with one can it be seen that the end of a log
             was cut off, or that all of it was written anew.
     """
-    problems: list[str] = []
-    is_there = known is None
     with snapshot(database) as connection:
-        head, num_erased = Head(0, FIRST_HASH), 0
-        subjects = _subjects(connection)
-        source = Remembered(connection)
-        present = {subject.digest for subject in subjects.values()}
-        for told in _records(connection):
-            problems += _chain_problems(told, head)
-            head = Head(told["number"], told["hash"])
-            is_there |= known == (head.number, head.hash)
-            is_erased = told["subject"] is not None and told["subject"] not in present
-            num_erased += is_erased
-            if not is_erased or told["action"] in LEDGER:
-                problems += _content_problems(source, told, subjects)
+        check = _Check(connection)
+        problems = [*check.chain(known), *check.erasures(), *stored_problems(connection, check.people)]
+        problems += account_problems(connection, check.accounts)
+    num_unvouched = sum(not person.has_consented for person in check.people.values())
+    return Verification(check.head, check.num_erased, num_unvouched, tuple(problems[:_MOST_TOLD]))
+
+
+class _Check:
+    """A log as far as it has been read."""
+
+    def __init__(self, connection: Connection) -> None:
+        self.head = Head(0, FIRST_HASH)
+        self.num_erased = 0
+        self._connection = connection
+        self._source: Source = Remembered(connection)
+        query = select(participants.c.id, participants.c.code, participants.c.salt)
+        self._subjects = {row.id: Subject(*row) for row in connection.execute(query)}
+        self.people = {subject.digest: Vouched(subject) for subject in self._subjects.values()}
+        # Of subjects who are not there: the record of their place, None until it came.
+        self._missing: dict[str, int | None] = {}
+        self._erased_slots: set[int] = set()
+        self._slots: dict[int, str] = {}
+        self.accounts: dict[str, str] = {}
+
+    def chain(self, known: tuple[int, str] | None) -> Iterator[str]:
+        """Yield what is wrong with the records, and with what they tell."""
+        is_there = known is None
+        for row in self._records():
+            yield from self._link(row)
+            is_there |= known == (self.head.number, self.head.hash)
+            yield from self._about(row)
         if known is not None and not is_there:
-            problems.append(f"the log does not contain record {known[0]} with the hash {known[1]}")
-        problems += _unrecorded(connection)
-        num_unvouched = len(set(subjects) - _vouched(connection))
-    return Verification(head, num_erased, num_unvouched, tuple(problems[:_MOST_TOLD]))
+            yield f"the log does not contain record {known[0]} with the hash {known[1]}"
+
+    def erasures(self) -> Iterator[str]:
+        """Yield who is gone without an erasure, and who is there in spite of one."""
+        for subject, slot in self._missing.items():
+            if slot is None or slot not in self._erased_slots:
+                place = f"the place of record {slot}" if slot else f"digest {subject[:12]}"
+                yield f"a participant ({place}) is gone, and no erasure was recorded"
+        for slot in self._erased_slots:
+            if self._slots.get(slot) in self.people:
+                yield f"a participant (the place of record {slot}) is there, and was erased by the log"
+
+    def _records(self) -> Iterator[_Row]:
+        told = record_contents.c
+        query = (
+            select(records, told.participant_id, told.page_number, told.part, told.content, told.number.label("told"))
+            .outerjoin(record_contents, told.number == records.c.number)
+            .order_by(records.c.number)
+        )
+        for row in self._connection.execution_options(yield_per=1000).execute(query).mappings():
+            yield dict(row)
+
+    def _link(self, row: _Row) -> Iterator[str]:
+        number, last = row["number"], self.head
+        if number != last.number + 1:
+            yield f"record {number} comes after record {last.number}: records between them are missing"
+        if row["previous_hash"] != last.hash:
+            yield f"record {number} does not continue the chain of record {last.number}"
+        if chained(row, row["previous_hash"])["hash"] != row["hash"]:
+            yield f"record {number} ({row['action']}) is not what its hash says"
+        self.head = Head(number, row["hash"])
+
+    def _about(self, row: _Row) -> Iterator[str]:
+        subject = row["subject"]
+        if row["action"] == "allocated" and subject is not None:
+            self._slots[row["number"]] = subject
+        if subject is None or subject in self.people:
+            yield from self._content(row)
+            return
+        self.num_erased += 1
+        known = self._missing.setdefault(subject, None)
+        self._missing[subject] = row["number"] if row["action"] == "allocated" else known
+        if row["action"] in LEDGER:
+            yield from self._content(row)
+        elif row["told"] is not None:
+            yield f"{_name(row)} is about somebody who is gone, and still tells something"
+
+    def _content(self, row: _Row) -> Iterator[str]:
+        if row["told"] is None:
+            yield f"{_name(row)} has lost what it tells"
+            return
+        person = None if row["subject"] is None else self.people.get(row["subject"])
+        if (None if person is None else person.subject.id) != row["participant_id"]:
+            yield f"{_name(row)} is said to be about somebody else than it is"
+            return
+        told = self._told(row)
+        salt = "" if person is None or row["action"] in LEDGER else person.subject.salt
+        if content_digest(salt, told) != row["content_digest"]:
+            yield f"{_name(row)}: what it tells was changed"
+        elif row["action"] not in _DERIVED:
+            yield from self._place(row, told or {})
+        if row["action"] == "erased" and told is not None:
+            self._erased_slots.add(told["slot"])
+        if person is not None:
+            person.take(row, told or {})
+        if row["action"] in {"created", "role_changed"} and told is not None:
+            self.accounts[told["account"]] = told["role"]
+
+    def _told(self, row: _Row) -> _Row | None:
+        """Return what a record tells: rows as they are now where rows are told, whatever else stands beside it."""
+        derive = _DERIVED.get(row["action"])
+        if derive is None or row["participant_id"] is None:
+            return None if row["content"] is None else json.loads(row["content"])
+        told = derive(self._source, row["participant_id"], row["page_number"], row["part"])
+        return told if row["content"] is None else {"instead": row["content"]}
+
+    def _place(self, row: _Row, told: _Row) -> Iterator[str]:
+        """Yield it if the page beside a record is not the one that it tells of."""
+        if (row["page_number"], row["part"]) != (told.get("page"), told.get("number")):
+            yield f"{_name(row)} is said to be about another page than it is"
+        if row["action"] == "page_restarted":
+            key = {"page_number": row["page_number"], "number": row["part"]}
+            stored = self._source.rows(page_restarts, row["participant_id"], **key)
+            steps = [(one["after_step"], one["after_attempt"], one["at"]) for one in stored]
+            if steps != [(told["after_step"], told["after_attempt"], row["at"])]:
+                yield f"{_name(row)}: where the page was begun anew was changed"
 
 
-def _records(connection: Connection) -> Iterator[Mapping[str, Any]]:
-    told = record_contents.c
-    query = (
-        select(records, told.participant_id, told.page_number, told.part, told.content, told.number.label("told"))
-        .outerjoin(record_contents, told.number == records.c.number)
-        .order_by(records.c.number)
-    )
-    for row in connection.execution_options(yield_per=1000).execute(query).mappings():
-        yield dict(row)
+_DERIVED = {
+    "consented": lambda source, who, _page, _part: consent_rows(source, who),
+    "attempted": attempt_rows,
+    "acted": step_rows,
+    "sent": page_rows,
+}
+"""How to read again what was told, where that is rows of the answers' tables."""
 
 
-def _chain_problems(row: Mapping[str, Any], last: Head) -> Iterator[str]:
-    number = row["number"]
-    if number != last.number + 1:
-        yield f"record {number} comes after record {last.number}: records between them are missing"
-    if row["previous_hash"] != last.hash:
-        yield f"record {number} does not continue the chain of record {last.number}"
-    if chained(row, row["previous_hash"])["hash"] != row["hash"]:
-        yield f"record {number} ({row['action']}) is not what its hash says"
-
-
-def _content_problems(source: Source, row: Mapping[str, Any], subjects: Mapping[int, Subject]) -> Iterator[str]:
-    number, participant_id, action = row["number"], row["participant_id"], row["action"]
-    if row["told"] is None:
-        yield f"record {number} ({action}) has lost what it tells"
-        return
-    subject = subjects.get(participant_id) if participant_id is not None else None
-    if subject is not None and subject.digest != row["subject"]:
-        yield f"record {number} ({action}) is about somebody else than participant {subject.code}"
-    salt = "" if subject is None or action in LEDGER else subject.salt
-    told = _told(source, row) if row["content"] is None else json.loads(row["content"])
-    if content_digest(salt, told) != row["content_digest"]:
-        place = "" if row["page_number"] is None else f", page {row['page_number']}"
-        yield f"record {number} ({action}{place}): what it tells was changed"
-
-
-def _told(source: Source, row: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    who, page, part = row["participant_id"], row["page_number"], row["part"]
-    if who is None:
-        return None
-    match row["action"]:
-        case "consented":
-            return consent_rows(source, who)
-        case "attempted":
-            return attempt_rows(source, who, page, part)
-        case "acted":
-            return step_rows(source, who, page, part)
-        case "sent":
-            return page_rows(source, who, page, part)
-        case _:
-            return None
-
-
-def _subjects(connection: Connection) -> dict[int, Subject]:
-    query = select(participants.c.id, participants.c.code, participants.c.salt)
-    return {row.id: Subject(*row) for row in connection.execute(query)}
-
-
-def _vouched(connection: Connection) -> set[int]:
-    query = (
-        select(record_contents.c.participant_id)
-        .join(records, records.c.number == record_contents.c.number)
-        .where(records.c.action == "consented", record_contents.c.participant_id.is_not(None))
-    )
-    return set(connection.execute(query).scalars())
-
-
-def _unrecorded(connection: Connection) -> Iterator[str]:
-    """Yield what is stored of participants whom the log vouches for, and was never recorded."""
-    vouched = _vouched(connection)
-    codes = dict(tuple(row) for row in connection.execute(select(participants.c.id, participants.c.code)))
-    stored = {
-        "page": select(pages.c.participant_id, pages.c.number),
-        "action of page": select(drive_steps.c.participant_id, drive_steps.c.page_number, drive_steps.c.number),
-        "attempt at page": select(answers.c.participant_id, answers.c.page_number, answers.c.attempt).distinct(),
-        "restart of page": select(page_restarts.c.participant_id, page_restarts.c.page_number, page_restarts.c.number),
-    }
-    recorded = {
-        "page": _recorded(connection, "sent", with_part=False),
-        "action of page": _recorded(connection, "acted"),
-        "attempt at page": _recorded(connection, "attempted") | _recorded(connection, "sent"),
-        "restart of page": _recorded(connection, "page_restarted"),
-    }
-    for what, query in stored.items():
-        for participant_id, *place in connection.execute(query):
-            if participant_id in vouched and (participant_id, *place) not in recorded[what]:
-                yield f"participant {codes[participant_id]}: {what} {place[0]} was stored and never recorded"
-    yield from _endings(connection, vouched)
-
-
-def _recorded(connection: Connection, action: str, *, with_part: bool = True) -> set[tuple[int, ...]]:
-    told = record_contents.c
-    columns = (told.participant_id, told.page_number, *((told.part,) if with_part else ()))
-    query = select(*columns).join(records, records.c.number == told.number).where(records.c.action == action)
-    return {tuple(row) for row in connection.execute(query.where(told.participant_id.is_not(None)))}
-
-
-def _endings(connection: Connection, vouched: set[int]) -> Iterator[str]:
-    """Yield who is said to have finished or left and did not, or the other way round."""
-    sent = select(func.count()).select_from(pages).where(pages.c.participant_id == participants.c.id).scalar_subquery()
-    query = select(participants, sent.label("num_sent"))
-    left = {participant_id for participant_id, *_ in _recorded(connection, "withdrew", with_part=False)}
-    for row in connection.execute(query).mappings():
-        if row["id"] not in vouched:
-            continue
-        is_complete = row["num_sent"] == row["num_pages"] and row["screened_out_at"] is None
-        if (row["completed_at"] is not None) != is_complete:
-            yield f"participant {row['code']}: completed_at does not go with the {row['num_sent']} pages that were sent"
-        if (row["withdrawn_at"] is not None) != (row["id"] in left):
-            yield f"participant {row['code']}: withdrawn_at does not go with what was recorded"
+def _name(row: _Row) -> str:
+    place = "" if row["page_number"] is None else f", page {row['page_number']}"
+    return f"record {row['number']} ({row['action']}{place})"

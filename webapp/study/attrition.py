@@ -14,6 +14,7 @@ cautious side.
 
 import math
 import random
+import sys
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Sequence
@@ -29,6 +30,8 @@ NUM_PERMUTATIONS = 9_999
 
 _ROUNDING = 1e-9
 
+_LEAST_P = sys.float_info.min
+
 
 @dataclass(frozen=True, slots=True)
 class DropOutTest:
@@ -37,7 +40,7 @@ class DropOutTest:
     Attributes:
         statistic: Pearson's chi-square of the table arms x (dropped, not dropped).
         df: The number of arms with started trials - 1.
-        p_value: In (0, 1].
+        p_value: In (0, 1]; what is too small for a float is given as the smallest one of full precision, 2.2e-308.
         method: `chi_square`, or `permutation` where an expected count is below `LEAST_EXPECTED`.
         standard_error: Of a p-value by permutation, for the draws that were made; None where it is exact.
     """
@@ -73,7 +76,7 @@ def compare_drop_out(started: Sequence[int], dropped: Sequence[int], seed: int) 
     sizes, losses = tuple(begun for begun, _ in arms), tuple(lost for _, lost in arms)
     statistic = _pearson(sizes, losses)
     if min(sizes) * min(num_lost, num_begun - num_lost) / num_begun >= LEAST_EXPECTED:
-        p_value = chi_square_survival(statistic, len(arms) - 1)
+        p_value = max(chi_square_survival(statistic, len(arms) - 1), _LEAST_P)
         return DropOutTest(statistic, len(arms) - 1, p_value, "chi_square", None)
     p_value = _permuted(sizes, losses, seed)
     error = math.sqrt(p_value * (1 - p_value) / (NUM_PERMUTATIONS + 1))

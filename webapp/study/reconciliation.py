@@ -63,6 +63,9 @@ _PAYMENTS: Mapping[str, Payment] = {
 _NO_CODES = frozenset({"", "NOCODE"})
 """What Prolific's list holds where no code was entered."""
 
+_MAX_TOLD = 10
+"""How many submissions of one person are told about."""
+
 _ENDINGS: tuple[OurState, ...] = ("completed", "screened_out", "withdrawn")
 
 
@@ -143,21 +146,24 @@ def read_list(text: str, id_column: str | None = None) -> tuple[Submission, ...]
         id_column: The heading of the column of people's ids, where it is none of the known ones.
 
     Raises:
-        ReconciliationError: There is no such column, or a line has more fields than there are headings.
+        ReconciliationError: There is no such column, or a row has more fields than there are headings. Rows are
+            counted as a spreadsheet shows them, blank ones included.
     """
-    lines = text.removeprefix("\ufeff").lstrip("\r\n")
+    whole = text.removeprefix("\ufeff")
+    lines = whole.lstrip("\r\n")
+    num_blank = len(whole.removesuffix(lines).splitlines())
     names = _ID if id_column is None else (_plain(id_column),)
     reader = csv.reader(io.StringIO(lines, newline=""), delimiter=_separator(lines, names))
     try:
         headings = [heading.strip() for heading in next(reader, [])]
-        rows = [row for row in reader if any(cell.strip() for cell in row)]
+        rows = [(number, row) for number, row in enumerate(reader, num_blank + 2) if any(cell.strip() for cell in row)]
     except csv.Error as error:
         raise ReconciliationError(f"the file is no CSV: {error}") from None
     who = _id_place(headings, names, id_column)
     others = [_place(headings, names) for names in (_SESSION, _STATUS, _CODE)]
     found: list[Submission] = []
-    for number, row in enumerate(rows, start=2):
-        if len(row) > len(headings):
+    for number, row in rows:
+        if any(cell.strip() for cell in row[len(headings) :]):
             raise ReconciliationError(f"row {number} has {len(row)} fields, and there are {len(headings)} headings")
         cells = [cell.strip() for cell in row] + [""] * (len(headings) - len(row))
         if not cells[who]:
@@ -176,7 +182,7 @@ def compare(theirs: Sequence[Submission], ours: Sequence[OurPerson]) -> tuple[Fo
     for external_id, submissions in listed.items():
         person = people.get(external_id)
         if len(submissions) > 1:
-            words = "; ".join(submission.words or "without a status" for submission in submissions)
+            words = _all_words(submissions, "without a status")
             found.append(Found("duplicated", external_id, None if person is None else person.code, words))
         if person is not None:
             found += _differences(person, submissions)
@@ -196,7 +202,7 @@ def _only_theirs(listed: Mapping[str, Sequence[Submission]], people: Mapping[str
     for external_id, submissions in listed.items():
         claims = [submission for submission in submissions if submission.payment != "unpaid"]
         if external_id not in people and claims:
-            yield Found("missing", external_id, None, "; ".join(one.words for one in claims))
+            yield Found("missing", external_id, None, _all_words(claims))
 
 
 def _only_ours(listed: Mapping[str, Sequence[Submission]], people: Mapping[str, OurPerson]) -> Iterator[Found]:
@@ -207,7 +213,7 @@ def _only_ours(listed: Mapping[str, Sequence[Submission]], people: Mapping[str, 
 
 def _differences(person: OurPerson, submissions: Sequence[Submission]) -> Iterator[Found]:
     payments = Counter(submission.payment for submission in submissions)
-    words = "; ".join(submission.words for submission in submissions)
+    words = _all_words(submissions)
 
     def told(finding: Finding, what: str) -> Found:
         return Found(finding, person.external_id, person.code, ", ".join(part for part in (what, words) if part))
@@ -223,6 +229,12 @@ def _differences(person: OurPerson, submissions: Sequence[Submission]) -> Iterat
     sessions = {one.session for one in submissions if one.session}
     if sessions and person.session is not None and person.session not in sessions:
         yield told("other_submission", f"came with {person.session}")
+
+
+def _all_words(submissions: Sequence[Submission], unless: str = "") -> str:
+    told = [submission.words or unless for submission in submissions[:_MAX_TOLD]]
+    more = len(submissions) - len(told)
+    return "; ".join([*told, f"and {more} more"] if more else told)
 
 
 def _told(state: OurState) -> str:

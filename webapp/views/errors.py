@@ -47,6 +47,13 @@ _HTTP_ERRORS = {
     405: ErrorPage(405, "error_pages.not_found_title", "error_pages.not_found"),
     413: ErrorPage(413, "error_pages.refused_title", "error_pages.too_large"),
 }
+_ELSEWHERE = {
+    "title": "This version is not here",
+    "message": "These data are of another study, or of a version whose bundle is gone. "
+    "Serve that study to look at them: xar serve --study NAME.",
+}
+"""What a researcher is told in place of what a participant would be."""
+
 _KEPT_HEADERS = ("Allow", "Retry-After")
 
 
@@ -94,4 +101,6 @@ def _render(page: ErrorPage) -> str:
         back = {"back_url": url_for("participant.study"), "back_label": t("error_pages.back")}
     contact = t("done.contact", contact=catalogue().study.contact) if page.status == HTTPStatus.CONFLICT else None
     shown = {"status": page.status, "title": t(page.title), "message": t(page.message), "contact": contact}
+    if page is DOMAIN_ERRORS[StudyChangedError] and request.path.startswith("/researcher/"):
+        shown |= _ELSEWHERE
     return render_template("errors/error.html", **shown, **back)

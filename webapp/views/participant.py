@@ -1,5 +1,7 @@
 """The pages of the study, from the first after the consent to the thanks."""
 
+from io import BytesIO
+
 from flask import Blueprint, Response, abort, flash, render_template, request, send_file, url_for
 
 from webapp.storage.answers import store_page
@@ -109,11 +111,17 @@ def done() -> str | Response:
 
 @bp.get("/pictures/<digest>.png")
 def picture(digest: str) -> Response:
-    """Send a picture; its name says what it shows, so it may be kept for ever."""
-    path = services().bundles.picture_path(digest)
-    if path is None:
+    """Send a picture; its name says what it shows, so it may be kept for ever. One that was changed is not sent."""
+    found = services().bundles.picture(digest)
+    if found is None:
         abort(404)
-    response = send_file(path, mimetype="image/png", max_age=PICTURE_MAX_AGE_S, etag=digest)
+    response = send_file(
+        BytesIO(found.content),
+        mimetype="image/png",
+        max_age=PICTURE_MAX_AGE_S,
+        etag=digest,
+        last_modified=found.changed_at,
+    )
     response.cache_control.public = True
     response.cache_control.immutable = True
     return response

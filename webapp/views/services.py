@@ -9,7 +9,7 @@ from pathlib import Path
 from flask import Flask, current_app
 
 from webapp.config import Config
-from webapp.stimuli.catalogue import BundleError, Catalogue
+from webapp.stimuli.catalogue import BundleError, Catalogue, Picture
 from webapp.storage.database import Database
 from webapp.storage.live import LiveNumbers
 
@@ -47,12 +47,16 @@ class Bundles:
                     raise StudyChangedError(f"the bundle {version} is gone: {error}") from error
             return self._opened[version]
 
-    def picture_path(self, digest: str) -> Path | None:
-        """Return the file of a picture, or None if no bundle in use has one of this digest."""
+    def picture(self, digest: str) -> Picture | None:
+        """Return a picture, or None if no bundle in use has one of this digest.
+
+        Raises:
+            BundleError: Its file has gone or was changed.
+        """
         with self._lock:
             opened = tuple(self._opened.values())
-        paths = (catalogue.picture_path(digest) for catalogue in opened)
-        return next((path for path in paths if path is not None), None)
+        pictures = (catalogue.picture(digest) for catalogue in opened)
+        return next((picture for picture in pictures if picture is not None), None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,9 +26,13 @@ def recruit_token(secret: bytes, mode: str, study: str, *identity: str) -> str:
     return _hmac(secret, "recruit", mode, study, *identity)
 
 
-def page_nonce(secret: bytes, token_hash: str, number: int, attempt: int) -> str:
-    """Return the nonce of one attempt at one page for one participant: 128 bits, in hexadecimal."""
-    return _hmac(secret, "page", token_hash, str(number), str(attempt))[:32]
+def page_nonce(secret: bytes, token_hash: str, number: int, attempt: int, restart: int = 0) -> str:
+    """Return the nonce of one attempt at one page for one participant: 128 bits, in hexadecimal.
+
+    A page that was begun anew has others, so that a window which is open from before cannot act in its place.
+    """
+    again = () if restart == 0 else (str(restart),)
+    return _hmac(secret, "page", token_hash, str(number), str(attempt), *again)[:32]
 
 
 def bot_pass(secret: bytes) -> str:

@@ -1,12 +1,13 @@
 """Who is asking: the participant whose cookie came with the request, and how far this participant is."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from flask import g, request, url_for
 
 from webapp.stimuli.catalogue import Catalogue
 from webapp.storage.participants import Participant, find_participant, find_trials, hash_token
+from webapp.storage.restarts import find_restarts
 from webapp.study.session import Page, decide, pages
 from webapp.views.security import cookie_name
 from webapp.views.services import StudyChangedError, services
@@ -25,11 +26,13 @@ class Visit:
         participant: How far the participant was when the request came.
         catalogue: The bundle of the participant's study version.
         pages: All pages of this participant.
+        restarts: By page, how often a researcher let the participant begin it anew; pages never begun anew are missing.
     """
 
     participant: Participant
     catalogue: Catalogue
     pages: Sequence[Page]
+    restarts: Mapping[int, int] = field(default_factory=dict)
 
     @property
     def language(self) -> str:
@@ -47,7 +50,8 @@ class Visit:
 
     def nonce(self, page: Page, attempt: int = 1) -> str:
         """Return the nonce of one of the pages; each attempt at a page has its own."""
-        return page_nonce(services().secret, self.participant.token_hash, page.number, attempt)
+        restart = self.restarts.get(page.number, 0)
+        return page_nonce(services().secret, self.participant.token_hash, page.number, attempt, restart)
 
 
 def find_current_participant() -> Participant | None:
@@ -95,7 +99,8 @@ def load_visit() -> Visit:
     here = services()
     participant = load_participant()
     catalogue = here.bundles.version(participant.study_version)
-    return Visit(participant, catalogue, pages(catalogue.study, find_trials(here.database, participant)))
+    planned = pages(catalogue.study, find_trials(here.database, participant))
+    return Visit(participant, catalogue, planned, find_restarts(here.database, participant))
 
 
 def place_of(participant: Participant) -> str:

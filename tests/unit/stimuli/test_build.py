@@ -143,25 +143,13 @@ def test_a_comment_in_the_study_file_makes_another_version_because_the_file_itse
 def test_a_bundle_holds_every_file_that_it_was_built_from(small: Path, tmp_path: Path) -> None:
     (small / "own.py").write_text("STEPS = 1\n", encoding="utf-8")
     (small / "plan.md").write_text("A t-test.\n", encoding="utf-8")
-    (small / "notes.md").write_text("Not part of it.\n", encoding="utf-8")
+    (small / "notes.md").write_text("Whoever reads it.\n", encoding="utf-8")
     change(small / "study.toml", "[explanation]\n", '[analysis]\nplan = "plan.md"\n\n[explanation]\n')
     folder = tmp_path / "instance" / "bundles" / plan_and_build(small, tmp_path / "instance").catalogue.version
-    kept = files_of(folder / "sources")
-    assert sorted(kept) == [
-        "shared_texts/en.toml",
-        "shared_texts/ja.toml",
-        "study/layouts/experiment1-a.txt",
-        "study/own.py",
-        "study/plan.md",
-        "study/study.toml",
-        "study/texts/en.toml",
-        "study/texts/ja.toml",
-    ]
-    assert all(
-        content == (small / name.removeprefix("study/")).read_bytes()
-        for name, content in kept.items()
-        if name.startswith("study/")
-    )
+    shared = {f"shared_texts/{language}.toml": SHARED_TEXTS / f"{language}.toml" for language in ("en", "ja")}
+    own = {f"study/{name}": content for name, content in files_of(small).items()}
+    assert {"study/own.py", "study/plan.md", "study/notes.md", "study/texts/en.toml"} < own.keys()
+    assert files_of(folder / "sources") == own | {name: file.read_bytes() for name, file in shared.items()}
 
 
 @pytest.mark.parametrize(

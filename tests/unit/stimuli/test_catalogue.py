@@ -1,10 +1,13 @@
 """The bundle as pages see it; the shipped study with the planner in the learned agents' place."""
 
+import hashlib
 import json
+import os
 import random
 import shutil
 import subprocess
 import sys
+import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,8 +20,12 @@ from webapp.explainer.solvers import Trajectory
 from webapp.explainer.worlds.key_door import ACTIONS, KeyDoorState
 from webapp.explainer.worlds.view import egocentric_view, key_in_view
 from webapp.stimuli.catalogue import BundleError, Catalogue, Frame, Strip, bundle_version, current_bundle
+from webapp.stimuli.picture_files import PictureFiles
 from webapp.study.protocol import Kind
 from webapp.study.session import Trial
+
+SETTLED_S = 1.1
+"""After so long a file that was written is known by how it looks."""
 
 GOLDEN = json.loads((Path(__file__).parents[2] / "golden" / "method-numbers.json").read_text(encoding="utf-8"))
 
@@ -41,7 +48,7 @@ class Shown:
 
     def __init__(self, bundle: Catalogue, layout: str) -> None:
         states = [KeyDoorState(*state) for state in GOLDEN[layout]["states"]]
-        tables = json.loads((bundle_folder(bundle) / "tables" / f"{layout}.json").read_text(encoding="utf-8"))
+        tables = json.loads((bundle.folder / "tables" / f"{layout}.json").read_text(encoding="utf-8"))
         numbers = {tuple(state): n for state, n in zip(tables["states"], tables["pictures"], strict=True)}
         self.states = states
         self.digests = [bundle.digests[numbers[tuple(state)]] for state in states]
@@ -52,12 +59,6 @@ class Shown:
         if step == len(self.words):
             return [self.digests[-1]], []
         return self.digests[step - 1 : step + 1], [self.words[step - 1]]
-
-
-def bundle_folder(bundle: Catalogue) -> Path:
-    path = bundle.picture_path(bundle.digests[0])
-    assert path is not None
-    return path.parents[1]
 
 
 def plain(strips: tuple[Strip, ...]) -> list[tuple[list[str], list[str]]]:
@@ -119,7 +120,7 @@ def test_steps_asked_for_are_shown_as_an_explanation_shows_them(bundle: Catalogu
 
 @pytest.mark.parametrize("layout", sorted(LAYOUTS))
 def test_any_steps_of_a_layout_can_be_shown_whether_or_not_an_experiment_has_it(bundle: Catalogue, layout: str) -> None:
-    table = json.loads((bundle_folder(bundle) / "tables" / f"{layout}.json").read_text(encoding="utf-8"))
+    table = json.loads((bundle.folder / "tables" / f"{layout}.json").read_text(encoding="utf-8"))
     path = Trajectory(tuple(table["path"]["states"]), tuple(table["path"]["actions"]))
     texts, rng = bundle.texts("ja"), random.Random(layout)
     for _ in range(30):
@@ -159,9 +160,9 @@ def test_every_picture_shown_is_there_and_is_named_by_its_content(bundle: Catalo
     for one in trials(bundle):
         for strip in bundle.explanation(one, "en"):
             for frame in strip.frames:
-                path = bundle.picture_path(frame.digest)
-                assert path is not None
-                assert path.read_bytes().startswith(b"\x89PNG")
+                picture = bundle.picture(frame.digest)
+                assert picture is not None
+                assert picture.content.startswith(b"\x89PNG")
 
 
 def test_different_pictures_have_different_words_and_each_picture_one(bundle: Catalogue) -> None:
@@ -182,15 +183,15 @@ def test_the_words_of_a_picture_say_what_the_state_looks_like(bundle: Catalogue)
 
 
 def test_the_pictures_are_drawn_for_screens_of_double_density(bundle: Catalogue) -> None:
-    path = bundle.picture_path(bundle.digests[0])
-    assert path is not None
-    header = path.read_bytes()[16:24]
+    picture = bundle.picture(bundle.digests[0])
+    assert picture is not None
+    header = picture.content[16:24]
     assert (int.from_bytes(header[:4], "big"), int.from_bytes(header[4:], "big")) == (576, 576)
 
 
 @pytest.mark.parametrize("digest", ["", "../manifest", "0" * 64, "../../current-sakai2021", "A" * 64])
-def test_only_the_bundles_own_pictures_have_a_path(bundle: Catalogue, digest: str) -> None:
-    assert bundle.picture_path(digest) is None
+def test_only_the_bundles_own_pictures_are_found(bundle: Catalogue, digest: str) -> None:
+    assert bundle.picture(digest) is None
 
 
 def test_what_the_study_does_not_have_is_refused(bundle: Catalogue) -> None:
@@ -226,6 +227,58 @@ def test_a_bundle_that_was_changed_is_refused(copied: Path) -> None:
     manifest.write_bytes(manifest.read_bytes() + b" ")
     with pytest.raises(BundleError, match=r"is damaged: its content gives [0-9a-f]{64}; build it again"):
         Catalogue.open(folder)
+
+
+def flip(file: Path) -> None:
+    """Change one bit of a file, and nothing about it that `ls` shows."""
+    before = file.stat()
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(content)
+    os.utime(file, ns=(before.st_atime_ns, before.st_mtime_ns))
+
+
+@pytest.mark.parametrize("was_sent", [True, False])
+def test_a_picture_that_was_changed_or_went_under_an_open_bundle_is_not_given(copied: Path, *, was_sent: bool) -> None:
+    folder = current_bundle(copied.parent, "sakai2021")
+    opened = Catalogue.open(folder)
+    first, second, *_ = opened.digests
+    if was_sent:
+        time.sleep(SETTLED_S)
+        assert opened.picture(first) == opened.picture(first)
+    flip(folder / "pictures" / f"{first}.png")
+    (folder / "pictures" / f"{second}.png").unlink()
+    for digest, how in ((first, rf"\(pictures/{first}\.png was changed\)"), (second, "No such file")):
+        with pytest.raises(BundleError, match=rf"is damaged .*{how}.*build it again"):
+            opened.picture(digest)
+
+
+def test_a_picture_is_hashed_once_for_each_state_of_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    digest = hashlib.sha256(b"picture").hexdigest()
+    (tmp_path / f"{digest}.png").write_bytes(b"picture")
+    pictures = PictureFiles(tmp_path)
+    time.sleep(SETTLED_S)
+    first = pictures.read(digest)
+    with monkeypatch.context() as nothing_can_be_hashed:
+        nothing_can_be_hashed.setattr(hashlib, "sha256", None)
+        assert pictures.read(digest) == first
+    (tmp_path / f"{digest}.png").write_bytes(b"another")
+    with pytest.raises(ValueError, match="was changed"):
+        pictures.read(digest)
+
+
+def test_a_world_that_was_changed_or_went_after_the_bundle_was_opened_is_not_read(copied: Path) -> None:
+    folder = current_bundle(copied.parent, "sakai2021")
+    opened = Catalogue.open(folder)
+    first, second, third, *_ = opened.study.layouts
+    known = opened.world(third)
+    flip(folder / "tables" / f"{first}.json")
+    (folder / "tables" / f"{second}.json").unlink()
+    (folder / "tables" / f"{third}.json").unlink()
+    for layout, how in ((first, rf"tables/{first}\.json was changed since"), (second, "No such file")):
+        with pytest.raises(BundleError, match=rf"is damaged .*{how}.*build it again"):
+            opened.world(layout)
+    assert opened.world(third) is known
 
 
 @pytest.mark.parametrize("content", [None, b"not JSON", b"\xff"])

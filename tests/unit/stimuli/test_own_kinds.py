@@ -54,6 +54,21 @@ def test_the_draws_of_an_own_kind_are_the_same_in_every_build(tmp_path: Path) ->
     assert shown(builds[0].catalogue) == shown(builds[1].catalogue)
 
 
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("calls.append(1)\n    return [len(calls)]\ncalls = []", "draw with `rng`"),
+        ("raise SystemExit(3)", "raised SystemExit: 3"),
+    ],
+)
+def test_an_own_kind_that_chooses_otherwise_each_time_or_leaves_is_refused(
+    tmp_path: Path, body: str, message: str
+) -> None:
+    study = study_with(body, tmp_path)
+    with pytest.raises(BuildError, match=re.escape(message)):
+        plan_and_build(study, tmp_path / "instance")
+
+
 def test_an_own_kind_is_told_what_the_built_in_ones_know(tmp_path: Path) -> None:
     body = (
         "assert len(task.importance) == task.path.num_steps + 1 and task.importance[-1] == 0\n"

@@ -61,10 +61,12 @@ def test_a_module_that_hides_an_installed_one_is_refused(tmp_path: Path) -> None
         found(tmp_path, "json:answer")
 
 
-def test_a_package_beside_the_study_file_is_refused_since_only_files_are_kept(tmp_path: Path) -> None:
+def test_a_package_in_the_studys_folder_can_be_used_unless_it_hides_an_installed_one(tmp_path: Path) -> None:
     write(tmp_path, "mine/__init__.py", "answer = 6")
-    with pytest.raises(ValueError, match="'mine' lies in a folder of its own; put it beside the study file"):
-        found(tmp_path, "mine:answer")
+    write(tmp_path, "json/__init__.py", "answer = 7")
+    assert found(tmp_path, "mine:answer") == 6
+    with pytest.raises(ValueError, match=r"'json' is another than json/__init__\.py beside the study file; rename"):
+        found(tmp_path, "json:answer")
 
 
 def test_the_origin_of_code_beside_the_study_file_is_its_digest(tmp_path: Path) -> None:

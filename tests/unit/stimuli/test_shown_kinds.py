@@ -144,7 +144,7 @@ def test_every_state_has_the_picture_and_the_words_of_its_view(built: Catalogue,
     shown: dict[View, Frame] = {}
     for state in range(built.world(layout).num_states):
         frame = built.view(layout, state, "en")
-        assert built.picture_path(frame.digest) is not None
+        assert built.picture(frame.digest) is not None
         assert shown.setdefault(egocentric_view(LAYOUTS[layout], key_door_state(world, state)), frame) == frame
     assert len({frame.alt for frame in shown.values()}) == len(shown)
 
@@ -187,16 +187,10 @@ def test_an_action_is_named_by_its_number_or_its_name(built: Catalogue) -> None:
 
 
 def test_a_world_is_read_once_however_many_ask_at_the_same_time(built: Catalogue) -> None:
-    again = Catalogue.open(bundle_folder(built))
+    again = Catalogue.open(built.folder)
     with ThreadPoolExecutor(8) as pool:
         found = set(pool.map(lambda _: id(again.world("simulation")), range(64)))
     assert len(found) == 1
-
-
-def bundle_folder(catalogue: Catalogue) -> Path:
-    path = catalogue.picture_path(catalogue.digests[0])
-    assert path is not None
-    return path.parents[1]
 
 
 @pytest.mark.parametrize("layout", ["nowhere", "../catalogue", ""])
@@ -207,7 +201,7 @@ def test_a_layout_that_the_study_does_not_have_is_refused(built: Catalogue, layo
 
 def test_a_table_that_vanished_after_the_start_is_told(tmp_path: Path) -> None:
     catalogue = plan_and_build(study_of_all_kinds(tmp_path), tmp_path / "instance").catalogue
-    (bundle_folder(catalogue) / "tables" / "simulation.json").unlink()
+    (catalogue.folder / "tables" / "simulation.json").unlink()
     assert catalogue.world("experiment1-a").start == 0
     with pytest.raises(BundleError, match=r"is damaged .* build it again"):
         catalogue.world("simulation")
@@ -229,7 +223,7 @@ def assert_few_pictures(catalogue: Catalogue) -> None:
         situation = catalogue.situation(one, "en")
         strips = [situation.video, *explained(catalogue, one)]
         frames = {situation.current, *(frame for strip in strips if strip for frame in strip.frames)}
-        paths = [catalogue.picture_path(frame.digest) for frame in frames]
-        sizes[one.layout, one.kind, one.draw] = sum(path.stat().st_size for path in paths if path is not None)
+        pictures = [catalogue.picture(frame.digest) for frame in frames]
+        sizes[one.layout, one.kind, one.draw] = sum(len(picture.content) for picture in pictures if picture is not None)
     largest = sorted(sizes.items(), key=lambda each: -each[1])[:5]
     assert max(sizes.values()) <= MAX_PICTURE_BYTES, f"the largest, in bytes: {largest}"

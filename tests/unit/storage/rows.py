@@ -5,6 +5,7 @@ from datetime import UTC, datetime, timedelta
 
 from sqlalchemy import Connection, Table, insert
 
+from tests.web.bundles import read_study
 from webapp.storage.database import Database
 from webapp.storage.people import Correction, correct, exclude, include
 from webapp.storage.records import SYSTEM, Entry, append, scope_of, subject_of
@@ -22,6 +23,8 @@ from webapp.storage.tables import (
     recruits,
     trials,
 )
+from webapp.study.corrections import Asked
+from webapp.study.session import Page
 
 START = datetime(2031, 3, 1, 9, 30, 0, 17, tzinfo=UTC)
 
@@ -216,7 +219,7 @@ def _decide(database: Database) -> None:
     exclude(database, "bcdefghjkm", "=too fast", "ann", times[0])
     include(database, "bcdefghjkm", "not so fast after all", "ann", times[1])
     exclude(database, "2345678abc", 'said "no", twice', "=ben", times[2])
-    slip = Correction("answers", 1, "job", "researcher")
+    slip = Correction("answers", Asked(read_study(), Page(1, "background", None)), "job", "researcher")
     correct(database, "2345678abc", slip, "+1 told us", "ann", times[3])
 
 

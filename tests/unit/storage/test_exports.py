@@ -12,19 +12,9 @@ from sqlalchemy import insert
 
 from tests.unit.storage.rows import write_rows
 from webapp.storage.database import Database
-from webapp.storage.export_columns import (
-    ALLOCATION_COLUMNS,
-    ANSWERS_COLUMNS,
-    DECISIONS_COLUMNS,
-    DRIVES_COLUMNS,
-    EVENTS_COLUMNS,
-    PARTICIPANTS_COLUMNS,
-    PROBES_COLUMNS,
-    QUALITY_COLUMNS,
-    RATINGS_COLUMNS,
-    RECRUITS_COLUMNS,
-)
+from webapp.storage.export_columns import PARTICIPANTS_COLUMNS, names
 from webapp.storage.exports import (
+    COLUMNS,
     FILE_NAMES,
     RECRUITS,
     ExportError,
@@ -65,17 +55,17 @@ def test_the_files_are_the_golden_ones_to_the_byte(database: Database, name: Fil
 
 def test_the_columns_are_the_promised_ones() -> None:
     promised = "study study_version mode participant experiment trial layout kind draw item rating response_time_ms"
-    assert (*promised.split(), "submitted_at") == RATINGS_COLUMNS
+    ratings = names(COLUMNS["ratings.csv"])
+    assert (*promised.split(), "submitted_at") == ratings
     promised = (
         "study study_version mode participant consent_version consented_at last_seen_at completed_at withdrawn_at"
         " num_pages_sent num_pages assignment"
     )
     assert PARTICIPANTS_COLUMNS[:12] == tuple(promised.split())
-    of_people = (PARTICIPANTS_COLUMNS, ANSWERS_COLUMNS, ALLOCATION_COLUMNS, DECISIONS_COLUMNS, QUALITY_COLUMNS)
-    for columns in (*of_people, PROBES_COLUMNS, DRIVES_COLUMNS, EVENTS_COLUMNS):
-        assert columns[:4] == RATINGS_COLUMNS[:4]
-    for columns in (PROBES_COLUMNS, DRIVES_COLUMNS, EVENTS_COLUMNS):
-        assert columns[:9] == RATINGS_COLUMNS[:9]
+    for name in FILE_NAMES:
+        assert name == "wide.csv" or names(COLUMNS[name])[:4] == ratings[:4]
+    for of_trials in ("probes.csv", "drives.csv", "events.csv"):
+        assert names(COLUMNS[of_trials])[:9] == ratings[:9]
 
 
 def test_no_file_but_the_one_apart_holds_ids_of_recruiters(database: Database) -> None:
@@ -83,7 +73,7 @@ def test_no_file_but_the_one_apart_holds_ids_of_recruiters(database: Database) -
     for name in FILE_NAMES:
         for outside in (b"0123456789abcdef01234567", b"fedcba987654321001234567", b"session12345", b"odd.id"):
             assert outside not in written(database, name)
-    assert set(RECRUITS_COLUMNS) & set(PARTICIPANTS_COLUMNS) == {"study", "mode", "participant"}
+    assert set(names(COLUMNS[RECRUITS])) & set(PARTICIPANTS_COLUMNS) == {"study", "mode", "participant"}
 
 
 def test_every_text_reads_back_as_it_was_stored(database: Database) -> None:
@@ -232,10 +222,10 @@ def test_the_actions_of_a_drive_are_the_same_in_both_files(database: Database) -
 
 def test_an_empty_database_gives_headers_alone(database: Database) -> None:
     promised: dict[FileName | RecruitsName, tuple[str, ...]] = {
-        "ratings.csv": RATINGS_COLUMNS,
-        "events.csv": EVENTS_COLUMNS,
-        "decisions.csv": DECISIONS_COLUMNS,
-        RECRUITS: RECRUITS_COLUMNS,
+        "ratings.csv": names(COLUMNS["ratings.csv"]),
+        "events.csv": names(COLUMNS["events.csv"]),
+        "decisions.csv": names(COLUMNS["decisions.csv"]),
+        RECRUITS: names(COLUMNS[RECRUITS]),
     }
     for name, columns in promised.items():
         assert written(database, name) == (",".join(columns) + "\r\n").encode()

@@ -8,16 +8,18 @@ from datetime import datetime, timedelta
 import pytest
 from sqlalchemy import select
 
-from tests.unit.storage.people import DRIVING, NOW, STUDY, at_once, enrol_somebody, send, walk
+from tests.unit.storage.people import DRIVING, NOW, STUDY, at_once, enrol_somebody, pages_of, send, walk
 from tests.unit.storage.test_records import tamper
 from webapp.storage.database import Database
 from webapp.storage.enrolment import Enrolment, StudyFullError, enrol
 from webapp.storage.erasure import erase
+from webapp.storage.helping import release_page
 from webapp.storage.participants import Participant, find_participant, find_trials, hash_token, withdraw
 from webapp.storage.records import told_by
 from webapp.storage.replay import allocation_rows, replay
 from webapp.storage.scope import Mode
 from webapp.storage.tables import arrangements, participants
+from webapp.storage.verification import verify_log
 from webapp.study.draws import Draws
 from webapp.study.protocol import Study
 
@@ -146,6 +148,33 @@ def test_a_quota_closes_the_study_until_a_place_is_given_back(database: Database
     assert arrive(database, "third", study=small) is not None
 
 
+def test_a_quota_counts_all_versions_and_those_only_who_may_still_finish(database: Database) -> None:
+    small = STUDY.model_copy(update={"quota": 2})
+    done = arrive(database, "done", study=small)
+    walk(database, done, 11)
+    arrive(database, "silent", study=small)
+
+    def arrive_later(name: str, now: datetime) -> None:
+        enrol(database, Enrolment(small, "v2", "live", hash_token(name), "en"), now)
+
+    with pytest.raises(StudyFullError):
+        arrive_later("third", NOW + LEASE)
+    arrive_later("third", NOW + LEASE + timedelta(seconds=1))
+    with pytest.raises(StudyFullError):
+        arrive_later("fourth", NOW + LEASE + timedelta(seconds=2))
+
+
+def test_whoever_finishes_after_the_place_was_given_back_holds_it_again(database: Database) -> None:
+    person = arrive(database, "late")
+    walk(database, person, 10)
+    later = NOW + LEASE * 2
+    arrive(database, "next", later)
+    release_page(database, person.code, pages_of(database, person)[10], "the bus came", "boss", later)
+    assert anew(database, person).slot_released_at is None
+    assert sum(held(database).values()) == 2
+    assert (replay(database).problems, verify_log(database).problems) == ((), ())
+
+
 def test_simultaneous_arrivals_do_not_get_past_the_quota(database: Database) -> None:
     small = STUDY.model_copy(update={"quota": 5})
 
@@ -182,6 +211,21 @@ def test_a_ledger_that_was_changed_does_not_add_up(database: Database, old: str,
     change = f"content = replace(content, '{old}', '{new}')"
     tamper(database, f"UPDATE record_contents SET {change} WHERE number = 7")  # noqa: S608
     assert problem in " ".join(replay(database).problems)
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE arrangements SET arrangement = (arrangement + 1) % 2 WHERE participant_id = 3 AND experiment = '2'",
+        "UPDATE trials SET draw = draw + 1 WHERE participant_id = 3",
+    ],
+)
+def test_an_assignment_that_is_not_the_drawn_one_is_found(database: Database, statement: str) -> None:
+    for _ in range(4):
+        enrol_somebody(database)
+    tamper(database, statement)
+    (problem,) = replay(database).problems
+    assert "and the participant has" in problem
 
 
 def test_the_ledger_outlasts_the_erased(database: Database) -> None:

@@ -188,7 +188,7 @@ def test_the_earlier_log_and_the_places_given_out_begin_the_chain(old: Database)
     old.upgrade()
     with old.read() as connection:
         told = [(row[2], row[3], row[-1]) for row in told_by(connection, "created", "allocated")]
-    assert told[0] == ("researcher", "created", None)
+    assert told[0] == ("researcher", "created", {"account": "researcher", "role": "owner"})
     assert [content["experiments"][0]["arrangement"] for _, _, content in told[1:]] == [0, 1, 1]
     enrol_somebody(old)
     found = verify_log(old)

@@ -1,5 +1,6 @@
 """What researchers decide about a participant, and how they help one who is stuck."""
 
+from collections.abc import Mapping
 from datetime import timedelta
 
 import pytest
@@ -29,6 +30,7 @@ from webapp.storage.tables import drive_steps, ratings
 from webapp.storage.timeline import timeline
 from webapp.storage.unblinding import (
     arm_labels,
+    has_looked,
     is_person_unblinded,
     is_unblinded,
     unblind,
@@ -36,6 +38,8 @@ from webapp.storage.unblinding import (
 )
 from webapp.storage.verification import verify_log
 from webapp.study.answers import Answer, DriveStep, PageContent
+from webapp.study.corrections import Asked
+from webapp.study.protocol import Study
 
 SCOPE = Scope(STUDY.name, "v1", "test")
 
@@ -85,8 +89,8 @@ def test_somebody_who_is_not_there_is_named(database: Database) -> None:
 def test_a_correction_stands_beside_the_answer_which_stays(database: Database) -> None:
     person = enrol_somebody(database)
     walk(database, person, 11, rating=3)
-    page = page_of_kind(database, person, "rating").number
-    correct(database, person.code, Correction("ratings", page, "general", "4"), "told us on the phone", "boss", NOW)
+    asked = Asked(STUDY, page_of_kind(database, person, "rating"), ("left", "right"))
+    correct(database, person.code, Correction("ratings", asked, "general", "4"), "told us on the phone", "boss", NOW)
     with database.read() as connection:
         (told,) = told_by(connection, "corrected")
         assert set(connection.execute(select(ratings.c.rating)).scalars()) == {3}
@@ -95,10 +99,27 @@ def test_a_correction_stands_beside_the_answer_which_stays(database: Database) -
         ("ratings", "nothing", "no answer to 'nothing'"),
         ("answers", "general", "no answer to 'general'"),
         ("probes", "1", "no answer to '1'"),
+        ("probes", "9" * 30, "no answer to '9"),
         ("drives", "1", "cannot be corrected; use answers, ratings, probes"),
     ):
         with pytest.raises(PersonError, match=wish):
-            correct(database, person.code, Correction(file, page, question, "4"), "why", "boss", NOW)
+            correct(database, person.code, Correction(file, asked, question, "4"), "why", "boss", NOW)
+
+
+def test_only_what_could_have_been_answered_can_be_a_correction(database: Database) -> None:
+    person = enrol_somebody(database, study=DRIVING)
+    walk(database, person, person.num_pages, study=DRIVING)
+    for kind, file, question, value in (
+        ("rating", "ratings", "foresee", "6"),
+        ("rating", "ratings", "foresee", "banana"),
+        ("probe", "probes", "1", "up"),
+    ):
+        asked = Asked(DRIVING, page_of_kind(database, person, kind, DRIVING), ("left", "right"))
+        with pytest.raises(PersonError, match=f"'{value}' cannot be answered there; use "):
+            correct(database, person.code, Correction(file, asked, question, value), "why", "boss", NOW)
+    correct(database, person.code, Correction("probes", asked, "1", "right"), "why", "boss", NOW)
+    with database.read() as connection:
+        assert [told[-1]["to"] for told in told_by(connection, "corrected")] == ["right"]
 
 
 def test_a_released_page_is_stored_with_nothing_on_it_and_the_participant_goes_on(database: Database) -> None:
@@ -226,11 +247,36 @@ def test_unblinding_is_per_account_and_data_and_is_recorded(database: Database) 
     assert not is_person_unblinded(database, "boss", person)
 
 
-def test_masks_are_letters_that_the_secret_alone_gives() -> None:
-    kinds = {kind for experiment in STUDY.experiments for kind in experiment.kinds}
-    masks = [arm_labels(bytes([byte]) * 32, SCOPE, STUDY) for byte in range(8)]
+def test_whoever_looked_at_somebody_has_looked_even_after_that_person_was_erased(database: Database) -> None:
+    person = enrol_somebody(database)
+    assert not has_looked(database, "boss", SCOPE)
+    unblind_person(database, "boss", person, "is stuck", NOW)
+    assert has_looked(database, "boss", SCOPE)
+    assert not has_looked(database, "assistant", SCOPE)
+    assert not has_looked(database, "boss", Scope(STUDY.name, "v1", "live"))
+    erase(database, person.code, "boss", NOW)
+    assert has_looked(database, "boss", SCOPE)
+
+
+def masks_of(study: Study) -> list[Mapping[tuple[str, str], str]]:
+    """The masks of many instances."""
+    return [arm_labels(bytes([byte]) * 32, SCOPE, study) for byte in range(64)]
+
+
+def test_masks_are_letters_of_each_experiment_that_the_secret_alone_gives() -> None:
+    masks = masks_of(STUDY)
     for mask in masks:
-        assert set(mask) == kinds
-        assert sorted(mask.values()) == [f"Arm {letter}" for letter in "ABCDEFGH"[: len(kinds)]]
+        assert set(mask) == {(experiment.id, kind) for experiment in STUDY.experiments for kind in experiment.kinds}
+        for experiment in STUDY.experiments:
+            letters = sorted(label for (of, _), label in mask.items() if of == experiment.id)
+            assert letters == [f"Arm {letter}" for letter in "ABCDEFGH"[: len(experiment.kinds)]]
     assert len({tuple(mask.items()) for mask in masks}) > 1
     assert arm_labels(b"x", SCOPE, STUDY) == arm_labels(b"x", SCOPE, STUDY)
+
+
+def test_the_letters_of_one_experiment_do_not_tell_those_of_another() -> None:
+    first = STUDY.experiments[0].model_copy(update={"kinds": ("full", "subgoals", "random")})
+    second = first.model_copy(update={"id": "second", "kinds": ("full", "random")})
+    masks = masks_of(STUDY.model_copy(update={"experiments": (first, second)}))
+    pairs = {(mask[first.id, "full"], mask["second", "full"]) for mask in masks}
+    assert pairs == {(f"Arm {letter}", f"Arm {other}") for letter in "ABC" for other in "AB"}

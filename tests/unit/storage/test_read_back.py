@@ -3,18 +3,21 @@
 from tests.unit.storage.people import DRIVING, NOW, enrol_somebody, page_of_kind, send, walk, walk_to
 from webapp.storage.answers import store_step
 from webapp.storage.database import Database
-from webapp.storage.read_back import read_back
-from webapp.study.answers import DriveStep
+from webapp.storage.read_back import NOT_MEASURED, read_back
+from webapp.study.answers import DriveStep, PageContent
+from webapp.study.questionnaire import Ratings
 
 
 def test_a_rating_page_is_its_ratings_and_the_page(database: Database) -> None:
     participant = enrol_somebody(database)
     walk(database, participant, 2)
-    send(database, participant, 3, rating=4)
+    items = ("general", "likeliness", "loveliness")
+    ratings = Ratings(dict.fromkeys(items, 4), {"general": 1200, "likeliness": None, "loveliness": 0})
+    send(database, participant, 3, content=PageContent(ratings=ratings))
     found = read_back(database, participant)
     assert set(found) == {1, 2, 3}
     assert found[1] == [("page",)]
-    rated = [("rating", item, "4") for item in ("general", "likeliness", "loveliness")]
+    rated = [("rating", item, "4", time) for item, time in zip(items, ("1200", NOT_MEASURED, "0"), strict=True)]
     assert sorted(found[3]) == [("page",), *rated]
 
 
@@ -28,7 +31,7 @@ def test_an_unfinished_drive_is_its_actions_without_the_page(database: Database)
     participant = enrol_somebody(database, study=DRIVING)
     page = walk_to(database, participant, "practice", DRIVING)
     store_step(database, participant, page, DriveStep(1, "left", 300), NOW)
-    assert read_back(database, participant)[page.number] == [("step", "1", "left")]
+    assert read_back(database, participant)[page.number] == [("step", "1", "left", "300")]
 
 
 def test_answers_predictions_and_drives_are_there_too(database: Database) -> None:
@@ -37,6 +40,7 @@ def test_answers_predictions_and_drives_are_there_too(database: Database) -> Non
     found = read_back(database, participant)
     probe = page_of_kind(database, participant, "probe", DRIVING)
     assert {entry[0] for entry in found[probe.number]} == {"page", "prediction"}
+    assert {len(entry) for entry in found[probe.number]} == {1, 5}
     practice = page_of_kind(database, participant, "practice", DRIVING)
     assert {entry[0] for entry in found[practice.number]} >= {"page", "drive"}
     quiz = page_of_kind(database, participant, "quiz", DRIVING)

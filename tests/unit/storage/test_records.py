@@ -8,13 +8,16 @@ from datetime import timedelta
 import pytest
 
 from tests.unit.storage.people import DRIVING, NOW, at_once, enrol_somebody, page_of_kind, send, walk, walk_to
+from webapp.storage.accounts import create_researcher
 from webapp.storage.answers import store_step
+from webapp.storage.contents import Stored, page_rows
 from webapp.storage.database import Database
 from webapp.storage.erasure import erase
 from webapp.storage.helping import restart_page
 from webapp.storage.participants import Participant, withdraw
 from webapp.storage.people import exclude, note
 from webapp.storage.records import FIRST_HASH, Entry, append, canonical, content_digest, head, told_by
+from webapp.storage.tables import ANSWER_TABLES
 from webapp.storage.verification import verify_log
 from webapp.study.answers import Answer, DriveStep, PageContent
 
@@ -32,6 +35,7 @@ def tamper(database: Database, *statements: str) -> None:
 @pytest.fixture
 def people(database: Database) -> list[Participant]:
     """Somebody who finished, somebody who left, somebody in the middle of a drive, an excluded one."""
+    create_researcher(database, "ann", "correct horse battery", NOW, "viewer")
     done, left = enrol_somebody(database), enrol_somebody(database)
     walk(database, done, 11)
     walk(database, left, 4)
@@ -103,9 +107,19 @@ def test_records_can_only_be_added(database: Database) -> None:
         (["DELETE FROM record_contents WHERE content LIKE '%pilot%'"], "has lost what it tells"),
         (["UPDATE record_contents SET participant_id = 2 WHERE content LIKE '%pilot%'"], "somebody else"),
         (["UPDATE participants SET completed_at = NULL"], "completed_at does not go with"),
+        (["UPDATE participants SET completed_at = datetime(completed_at, '+1 hour')"], "completed_at"),
+        (["UPDATE participants SET screened_out_at = consented_at WHERE completed_at IS NULL"], "sent, page"),
+        (["UPDATE participants SET last_seen_at = datetime(last_seen_at, '+1 hour')"], "last_seen_at does not go"),
+        (["UPDATE participants SET slot_released_at = consented_at"], "slot_released_at or returned_late_at"),
+        (["UPDATE participants SET returned_late_at = consented_at"], "slot_released_at or returned_late_at"),
+        (["UPDATE record_contents SET page_number = 2 WHERE content LIKE '%pilot%'"], "about another page"),
+        (["UPDATE record_contents SET content = '{}', page_number = NULL WHERE part = 2"], "tells was changed"),
+        (["INSERT INTO participant_tokens VALUES ('x', 1, '2031-03-01 09:30:00.000000')"], "1 links are stored, and 0"),
         (["UPDATE participants SET withdrawn_at = NULL"], "withdrawn_at does not go with"),
         (["UPDATE participants SET withdrawn_at = consented_at WHERE withdrawn_at IS NULL"], "withdrawn_at"),
         (["DELETE FROM drive_steps WHERE number = 2"], "acted"),
+        (["UPDATE researchers SET role = 'admin'"], "account 'ann' is admin, and was recorded as viewer"),
+        (["UPDATE researchers SET name = 'bob'"], "account 'bob' is viewer, and was recorded as none"),
     ],
 )
 def test_a_change_behind_the_programs_back_is_found(database: Database, statements: list[str], problem: str) -> None:
@@ -125,9 +139,35 @@ def test_rows_that_were_slipped_in_are_found(database: Database, people: list[Pa
         f"INSERT INTO pages SELECT participant_id, {page}, 'drive', trial_number, 'n', submitted_at FROM pages "  # noqa: S608
         f"WHERE participant_id = {driving.id} AND number = {page - 1}",
     )
-    problems = verify_log(database).problems
-    for what in (f"action of page {page}", "attempt at page", f"page {page}"):
-        assert f"participant {driving.code}: {what}" in " ".join(problems)
+    problems = " ".join(verify_log(database).problems)
+    for what in ("3 actions of drives are stored, and 2", "3 attempts are stored, and 2"):
+        assert f"participant {driving.code}: {what} were recorded" in problems
+    assert f"participant {driving.code}: {page} pages are stored, and {page - 1} were recorded" in problems
+
+
+def test_a_whole_participant_who_was_slipped_in_is_found(database: Database, people: list[Participant]) -> None:
+    with closing(sqlite3.connect(database.path)) as connection:
+        columns = [row[1] for row in connection.execute("PRAGMA table_info(participants)")]
+    changes = {"id": "99", "code": "'slippedin2'", "token_hash": "'x'"}
+    values = ", ".join(changes.get(name, name) for name in columns)
+    tamper(database, f"INSERT INTO participants SELECT {values} FROM participants WHERE id = {people[0].id}")  # noqa: S608
+    assert "participant slippedin2: is there, and was never recorded" in verify_log(database).problems
+
+
+def test_a_whole_participant_who_was_removed_is_found(database: Database, people: list[Participant]) -> None:
+    who = people[0].id
+    tables = ("record_contents", *(table.name for table in reversed(ANSWER_TABLES)))
+    with closing(sqlite3.connect(database.path)) as connection:
+        for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
+            connection.execute(f"DROP TRIGGER {name}")
+        kept = "number IN (SELECT number FROM records WHERE action IN ('allocated', 'slot_released', 'slot_resumed'))"
+        connection.execute(f"UPDATE record_contents SET participant_id = NULL WHERE participant_id = {who} AND {kept}")  # noqa: S608
+        for table in tables:
+            connection.execute(f"DELETE FROM {table} WHERE participant_id = {who}")  # noqa: S608
+        connection.execute("DELETE FROM participants WHERE id = ?", (who,))
+        connection.commit()
+    (problem,) = verify_log(database).problems
+    assert "is gone, and no erasure was recorded" in problem
 
 
 @pytest.mark.usefixtures("people")
@@ -169,6 +209,38 @@ def test_someone_erased_leaves_nothing_behind_and_the_chain_holds(
     for secret in (done.code, done.token_hash, done.salt, "was in the pilot", "called us", left.code):
         assert secret.encode() not in content
     assert people[2].code.encode() in content
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE page_restarts SET after_step = 0",
+        "DELETE FROM page_restarts",
+        "UPDATE record_contents SET page_number = 2 WHERE content LIKE '%froze%'",
+        "UPDATE record_contents SET participant_id = NULL WHERE number = 2",
+    ],
+)
+def test_a_changed_restart_or_owner_of_a_place_is_found(
+    database: Database, people: list[Participant], statement: str
+) -> None:
+    page = page_of_kind(database, people[2], "drive", DRIVING).number
+    restart_page(database, people[2].code, page, "the window froze", "boss", NOW)
+    assert verify_log(database).problems == ()
+    tamper(database, statement)
+    assert len(verify_log(database).problems) >= 1
+
+
+def test_answers_are_read_even_where_a_record_was_given_words_of_its_own(
+    database: Database, people: list[Participant]
+) -> None:
+    with database.read() as connection:
+        before = canonical(page_rows(Stored(connection), people[0].id, 3, None))
+    tamper(
+        database,
+        f"UPDATE record_contents SET content = '{before}' WHERE participant_id = {people[0].id} AND page_number = 3",  # noqa: S608
+        "UPDATE ratings SET rating = 5 WHERE page_number = 3",
+    )
+    assert "sent, page 3): what it tells was changed" in " ".join(verify_log(database).problems)
 
 
 def test_an_erased_persons_restart_goes_with_them(database: Database, people: list[Participant]) -> None:

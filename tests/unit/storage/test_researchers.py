@@ -2,6 +2,7 @@ import threading
 from datetime import UTC, datetime, timedelta
 
 import pytest
+from sqlalchemy import update
 
 from webapp.storage.accounts import (
     AccountError,
@@ -15,7 +16,7 @@ from webapp.storage.accounts import (
     revoke_sessions,
 )
 from webapp.storage.database import Database
-from webapp.storage.records import ACTORS, told_by
+from webapp.storage.records import ACTORS, COMMAND_LINE, told_by
 from webapp.storage.researchers import (
     ROLES,
     ResearcherSession,
@@ -26,6 +27,7 @@ from webapp.storage.researchers import (
     sign_in,
     sign_out,
 )
+from webapp.storage.tables import researchers
 
 NOW = datetime(2031, 3, 1, 9, 30, tzinfo=UTC)
 PASSWORD = "correct horse battery"  # noqa: S105
@@ -64,7 +66,7 @@ def test_an_account_is_made_once(database: Database, account: str) -> None:
         create_researcher(database, account, PASSWORD, NOW)
 
 
-@pytest.mark.parametrize("name", ["", " blank", "blank ", "x" * 65, "two\nlines", *sorted(ACTORS)])
+@pytest.mark.parametrize("name", ["", " blank", "blank ", "x" * 65, "two\nlines", "a/b", "..", *sorted(ACTORS)])
 def test_bad_names_are_refused(database: Database, name: str) -> None:
     with pytest.raises(AccountError, match="cannot be a name"):
         create_researcher(database, name, PASSWORD, NOW)
@@ -140,6 +142,13 @@ def test_a_closed_account_is_signed_out_and_lets_nobody_in(database: Database, a
     assert sign_in(database, account, PASSWORD, NOW) is None
     (closed,) = accounts(database, NOW)
     assert (closed.disabled_at, closed.num_sessions) == (NOW, 0)
+
+
+def test_an_account_that_is_closed_while_somebody_signs_in_lets_nobody_in(database: Database, account: str) -> None:
+    token = open_session(database, account)
+    with database.write() as connection:
+        connection.execute(update(researchers).values(disabled_at=NOW))
+    assert find_session(database, token, NOW, active=True) is None
 
 
 def test_one_session_or_all_can_be_ended_from_outside(database: Database, account: str) -> None:
@@ -240,4 +249,4 @@ def test_what_accounts_did_is_recorded_in_order(database: Database, account: str
         told = [
             (actor, action) for _, _, actor, action, *_ in told_by(connection, "created", "signed_in", "signed_out")
         ]
-    assert told == [(account, "created"), (account, "signed_in"), (account, "signed_out")]
+    assert told == [(COMMAND_LINE, "created"), (account, "signed_in"), (account, "signed_out")]

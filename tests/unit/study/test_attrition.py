@@ -1,6 +1,7 @@
 import itertools
 import math
 import random
+import sys
 from math import comb
 
 import pytest
@@ -51,6 +52,12 @@ def test_where_few_dropped_the_p_value_is_that_of_all_permutations_within_its_er
         math.sqrt(test.p_value * (1 - test.p_value) / (NUM_PERMUTATIONS + 1)), rel=1e-9
     )
     assert abs(test.p_value - exact) < 4 * test.standard_error + 1 / NUM_PERMUTATIONS
+
+
+def test_a_p_value_is_above_0_however_uneven_the_arms_are() -> None:
+    test = compare_drop_out((100_000, 100_000), (60_000, 40_000), seed=1)
+    assert test is not None
+    assert (test.method, test.p_value) == ("chi_square", sys.float_info.min)
 
 
 def test_the_same_seed_gives_the_same_p_value_and_another_one_does_not() -> None:

@@ -41,6 +41,7 @@ def findings(theirs: list[Submission], *ours: OurPerson) -> list[tuple[str, str]
         PROLIFIC,
         "\ufeff" + PROLIFIC,
         PROLIFIC.replace(",", ";"),
+        "\n\n" + PROLIFIC.replace(",12\n", ",12,\n\n").replace(",3\n", ",3, ,,\n"),
         PROLIFIC.replace(",", "\t"),
         PROLIFIC.replace("\n", "\r\n") + "\r\n ,,\r\n",
         PROLIFIC.replace("Submission id", "session_id").replace("Participant id", "participant_id"),
@@ -73,6 +74,9 @@ def test_a_column_can_be_named_where_its_heading_is_an_unknown_one() -> None:
         ("<html>\n", "its columns: '<html>'"),
         ("Participant id,Status\np1,APPROVED,more\n", "row 2 has 3 fields, and there are 2 headings"),
         ("Participant id,Status\np1,APPROVED\n,APPROVED\n", "row 3 has nothing in the column 'Participant id'"),
+        ("\r\n\nParticipant id,Status\n\np1,APPROVED\n\n,APPROVED\n", "row 7 has nothing in the column"),
+        ("Participant id,Status\n\n\np1,APPROVED,,more\n", "row 4 has 4 fields, and there are 2 headings"),
+        ('Participant id,Status\np1,"AP\nPROVED"\n,APPROVED\n', "row 3 has nothing in the column"),
     ],
 )
 def test_a_file_that_cannot_be_compared_is_told_in_one_line(text: str, told: str) -> None:
@@ -121,6 +125,13 @@ def test_whoever_is_listed_twice_is_told_with_both_lines() -> None:
     theirs = [Submission("p1", "s1", "RETURNED"), Submission("p1", "s2", "APPROVED")]
     (found,) = compare(theirs, [person("p1", session="s2")])
     assert (found.finding, found.words) == ("duplicated", "s1, RETURNED; s2, APPROVED")
+
+
+def test_of_many_lines_about_one_person_only_the_first_are_told() -> None:
+    theirs = [Submission("p1", f"s{number}", "APPROVED") for number in range(1000)]
+    (missing, duplicated) = compare(theirs, [])
+    assert missing.words == duplicated.words
+    assert missing.words.endswith("; s9, APPROVED; and 990 more")
 
 
 @pytest.mark.parametrize("state", ["in_progress", "withdrawn", "screened_out"])

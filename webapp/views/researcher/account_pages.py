@@ -14,6 +14,9 @@ ROLE_WORDS = {
     "admin": "what owners may, and accounts",
 }
 
+ALL_OTHERS = "all-others"
+"""What the form sends, in the place of a session's id, to end all but the browser's own."""
+
 
 @bp.get("/accounts")
 def account_page() -> ResponseReturnValue:
@@ -23,11 +26,14 @@ def account_page() -> ResponseReturnValue:
 
 @bp.post("/accounts/sessions")
 def end_sessions() -> ResponseReturnValue:
-    """End one session of one's own, or all the others."""
+    """End one session of one's own, or all the others if the form says so."""
     here, own = services(), researcher()
     chosen = request.form.get("session", "")
     theirs = [session.id for session in open_sessions(here.database, here.clock(), own.name)]
-    ended = [chosen] if chosen in theirs else [session for session in theirs if session != _own_session()]
+    if chosen != ALL_OTHERS and chosen not in theirs:
+        return _page(f"you have no session {chosen!r}, or it has ended already"), 422
+    own_session = _own_session()
+    ended = [session for session in theirs if session != own_session] if chosen == ALL_OTHERS else [chosen]
     for session in ended:
         revoke_sessions(here.database, own.name, own.name, here.clock(), session)
     return redirect(url_for(".account_page", done="revoked"), code=303)
@@ -98,6 +104,7 @@ def _page(problem: str | None = None) -> str:
         "researcher/accounts.html",
         own_sessions=open_sessions(here.database, here.clock(), own.name),
         own_session=_own_session(),
+        all_others=ALL_OTHERS,
         accounts=accounts(here.database, here.clock()) if is_admin else (),
         roles=ROLES,
         role_words=ROLE_WORDS,

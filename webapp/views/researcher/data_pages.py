@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Callable
+from contextlib import closing
 from typing import IO, Literal, cast
 
 from flask import Response, abort, render_template, request, send_file
@@ -23,6 +24,9 @@ from webapp.views.services import services
 
 MAX_LIST_BYTES = 5 * 1024 * 1024
 """The longest list of a recruiter that can be sent."""
+
+MAX_LISTED = 200
+"""How many people of one finding the page lists; `xar reconcile` lists all."""
 
 
 @bp.get("/data")
@@ -47,7 +51,7 @@ def download(name: str) -> ResponseReturnValue:
         with snapshot(here.database) as connection:
             write_csv(connection, file, target, _wanted(), for_spreadsheet=is_copy)
 
-    return _send(write, file, "text/csv", logged=f"{file} for spreadsheets" if is_copy else file)
+    return _send(write, file, "text/csv", logged=_as_logged(f"{file} for spreadsheets" if is_copy else file))
 
 
 @bp.get("/dataset.zip")
@@ -62,7 +66,7 @@ def dataset() -> ResponseReturnValue:
         lambda target: write_archive(here.database, target, _wanted(), here.clock()),
         name,
         "application/zip",
-        logged="the whole data set",
+        logged=_as_logged("the whole data set"),
     )
 
 
@@ -72,9 +76,9 @@ def consort() -> ResponseReturnValue:
     """Draw the flow of participants."""
     if not look().mask.is_open:
         return _still_blind()
-    with services().database.read() as connection:
-        drawn = draw_flows(read_flows(connection, _wanted()))
-    return Response(drawn, mimetype="image/svg+xml")
+    with snapshot(services().database) as connection:
+        flows = read_flows(connection, _wanted())
+    return Response(draw_flows(flows), mimetype="image/svg+xml")
 
 
 @bp.post("/recruits.csv")
@@ -87,7 +91,7 @@ def download_recruits() -> ResponseReturnValue:
         return _page(problem=("recruits", "confirm that you need the ids and will keep them apart")), 422
 
     def write(target: IO[bytes]) -> None:
-        with services().database.read() as connection:
+        with snapshot(services().database) as connection:
             write_csv(connection, RECRUITS, target, _wanted())
 
     return _send(write, RECRUITS, "text/csv", logged=RECRUITS)
@@ -97,7 +101,8 @@ def download_recruits() -> ResponseReturnValue:
 @requires("owner")
 def reconcile_list() -> ResponseReturnValue:
     """Compare the recruiter's list with ours; it is not kept."""
-    request.max_content_length = MAX_LIST_BYTES
+    # The parser holds more than a piece of the body at a time, which the limit for the forms of pages does not allow.
+    request.max_content_length = request.max_form_memory_size = MAX_LIST_BYTES
     here, found = services(), look().scope
     try:
         told = reconcile(
@@ -116,7 +121,8 @@ def _sent_list() -> str:
     sent = request.files.get("list")
     if sent is None or not sent.filename:
         raise ReconciliationError("choose the recruiter's list, a CSV file")
-    return decoded(sent.read())
+    with closing(sent):
+        return decoded(sent.read())
 
 
 def _page(problem: tuple[str, str] | None = None, reconciliation: Reconciliation | None = None) -> str:
@@ -126,6 +132,7 @@ def _page(problem: tuple[str, str] | None = None, reconciliation: Reconciliation
         own_words=_with_own_words(),
         problem=problem,
         reconciliation=reconciliation,
+        max_listed=MAX_LISTED,
     )
 
 
@@ -143,6 +150,11 @@ def _wanted() -> Wanted:
 
 def _with_own_words() -> Literal["yes", "no"]:
     return "yes" if request.args.get("own_words") == "yes" else "no"
+
+
+def _as_logged(what: str) -> str:
+    """Return how a download stands in the log: somebody's own words may name them, so it says who has them."""
+    return f"{what}, with answers in participants' own words" if _with_own_words() == "yes" else what
 
 
 def _still_blind() -> ResponseReturnValue:

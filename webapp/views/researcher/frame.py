@@ -12,7 +12,7 @@ from webapp.storage.live_numbers import Numbers
 from webapp.storage.participants import Participant
 from webapp.storage.records import Head
 from webapp.storage.scope import Mode, Scope
-from webapp.storage.unblinding import arm_labels
+from webapp.storage.unblinding import arm_labels, has_looked
 from webapp.study.protocol import Study
 from webapp.views.researcher.door import bp, researcher
 from webapp.views.researcher.mask import Mask
@@ -90,7 +90,8 @@ def look_at(scope: Scope) -> Look:
     g.catalogue = here.bundles.version(scope.study_version)
     opened_at = unblinded_at(here.database, account.name, scope) if account.may("owner") else None
     labels = arm_labels(here.secret, scope, g.catalogue.study)
-    g.look = Look(scope, g.catalogue, Mask(opened_at, labels), g.present)
+    looked = has_looked(here.database, account.name, scope)
+    g.look = Look(scope, g.catalogue, Mask(opened_at, labels, has_looked=looked), g.present)
     return look()
 
 

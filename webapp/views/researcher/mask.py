@@ -6,13 +6,14 @@ Views hand templates numbers that went through the mask, so that no page, attrib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
-from webapp.storage.live_numbers import Cell, CellUse, Numbers
-from webapp.storage.live_outcomes import Driven, DriveSummary, RatingSummary
+from webapp.storage.live_numbers import CellUse, Numbers
+from webapp.storage.live_outcomes import Driven, DriveSummary
 from webapp.study.counterbalancing import arrangements, layout_orders
-from webapp.study.experiments import TAILORED_KINDS, Experiment
+from webapp.study.experiments import TAILORED_KINDS, Experiment, Kind
 from webapp.study.protocol import Study
+from webapp.study.session import PageKind, Trial, pages
 
 NO_EXPLANATION = "none"
 """The kind that asks less, because nothing was explained."""
@@ -26,28 +27,45 @@ class Mask:
 
     Attributes:
         opened_at: Since when the account sees the arms; None while they are masked.
-        labels: What each kind is called while masked.
+        labels: What each kind of an experiment is called while masked.
+        has_looked: Whether the account saw what some participant of the scope was shown.
     """
 
     opened_at: datetime | None
-    labels: Mapping[str, str]
+    labels: Mapping[tuple[str, str], str]
+    has_looked: bool = False
 
     @property
     def is_open(self) -> bool:
         """Whether the arms are seen."""
         return self.opened_at is not None
 
-    def name(self, kind: str) -> str:
+    @property
+    def shows_arms(self) -> bool:
+        """Whether there is anything by arm.
+
+        Who knows what one participant was shown, and when that participant went on, would see the number of one letter
+        grow with each trial, and so know all letters.
+        """
+        return self.is_open or not self.has_looked
+
+    def name(self, experiment: str, kind: str) -> str:
         """Return what a kind is called on this account's pages."""
-        return kind.replace("_", " ") if self.is_open else self.labels[kind]
+        return kind.replace("_", " ") if self.is_open else self.labels[experiment, kind]
 
     def numbers(self, numbers: Numbers, study: Study) -> Numbers:
         """Return the numbers with kinds by the names they have here, in an order that does not tell them either."""
         experiments = [experiment.id for experiment in study.experiments]
         ratings, drives = numbers.ratings, numbers.drives
+        hidden = self.hidden_pages(study)
         if not self.is_open:
-            ratings = tuple(row for row in ratings if _has_every_arm(study.experiment(row.experiment), row))
+            ratings = tuple(row for row in ratings if asks_every_arm(study.experiment(row.experiment), row.item))
             drives = tuple(_without_telling(study.experiment(row.experiment), row) for row in drives)
+        numbers = replace(
+            numbers, page_times=tuple(entry for entry in numbers.page_times if entry.page_kind not in hidden)
+        )
+        if not self.shows_arms:
+            return replace(numbers, cells=(), arms=(), ratings=(), predictions=(), drives=())
         return replace(
             numbers,
             cells=self._rows(numbers.cells, experiments),
@@ -60,11 +78,20 @@ class Mask:
     def leaves_out(self, study: Study) -> bool:
         """Tell whether something is left out while masked, because only some arms have it."""
         return not self.is_open and any(
-            not (_asks_every_arm(experiment) and _drives_in_every_arm(experiment)) for experiment in study.experiments
+            _telling_pages(study, experiment)
+            or not all(asks_every_arm(experiment, item.id) for item in experiment.items)
+            for experiment in study.experiments
         )
 
+    def hidden_pages(self, study: Study) -> frozenset[PageKind]:
+        """Return the kinds of pages about which nothing is told while masked: how many were sent tells who has them."""
+        if self.is_open:
+            return frozenset()
+        return frozenset[PageKind]().union(*(_telling_pages(study, experiment) for experiment in study.experiments))
+
     def _rows(self, rows: Iterable[_Row], experiments: Sequence[str]) -> tuple[_Row, ...]:
-        named: list[Any] = [replace(cast("Cell", row), kind=self.name(cast("Cell", row).kind)) for row in rows]
+        kinds: Iterable[Any] = rows
+        named = [replace(row, kind=self.name(row.experiment, row.kind)) for row in kinds]
         if not self.is_open:
             named.sort(key=lambda row: (experiments.index(row.experiment), _place(row.kind)))
         return tuple(named)
@@ -76,7 +103,7 @@ class Mask:
         experiment = study.experiment(use.experiment)
         kinds = arrangements(experiment)[use.arrangement]
         order = layout_orders(experiment)[use.layout_order]
-        shown = tuple((experiment.layouts[place], self.name(kinds[place])) for place in order)
+        shown = tuple((experiment.layouts[place], self.name(experiment.id, kinds[place])) for place in order)
         return Arranged(f"{use.arrangement}/{use.layout_order}", shown, use)
 
 
@@ -95,16 +122,22 @@ class Arranged:
     use: CellUse
 
 
-def _has_every_arm(experiment: Experiment, row: RatingSummary) -> bool:
+def asks_every_arm(experiment: Experiment, item: str) -> bool:
     """Tell whether every arm is asked an item: who is not asked can be told by that."""
     if NO_EXPLANATION not in experiment.kinds or len(experiment.kinds) == 1:
         return True
-    return row.item in {item.id for item in experiment.items_for(NO_EXPLANATION)}
+    return item in {asked.id for asked in experiment.items_for(NO_EXPLANATION)}
 
 
-def _asks_every_arm(experiment: Experiment) -> bool:
-    asks_all = experiment.items_for(NO_EXPLANATION) == experiment.items and not experiment.satisfaction
-    return NO_EXPLANATION not in experiment.kinds or asks_all
+def _telling_pages(study: Study, experiment: Experiment) -> frozenset[PageKind]:
+    """Return the kinds of pages that some arms of an experiment have and others have not."""
+    of_arms = [_pages_of(study, experiment, kind) for kind in experiment.kinds]
+    return of_arms[0].union(*of_arms) - of_arms[0].intersection(*of_arms)
+
+
+def _pages_of(study: Study, experiment: Experiment, kind: Kind) -> frozenset[PageKind]:
+    trial = Trial(experiment.id, 1, 1, experiment.layouts[0], kind, 0 if kind == "random" else None)
+    return frozenset(page.kind for page in pages(study, (trial,)) if page.trial is not None)
 
 
 def _drives_in_every_arm(experiment: Experiment) -> bool:

@@ -1,5 +1,6 @@
 """What owners may do about one participant. Each is recorded with who, when and why; a form in error loses nothing."""
 
+import re
 from collections.abc import Callable
 
 from flask import redirect, render_template, request, url_for
@@ -7,14 +8,18 @@ from flask.typing import ResponseReturnValue
 
 from webapp.storage import helping, people
 from webapp.storage.erasure import erase
-from webapp.storage.participants import find_trials
+from webapp.storage.participants import Participant, find_trials
 from webapp.storage.people import Correction, PersonError
 from webapp.storage.unblinding import unblind_person
-from webapp.study.session import pages
+from webapp.study.corrections import Asked
+from webapp.study.session import Page, pages
 from webapp.views.researcher.door import NotConfirmedError, bp, confirm_password, requires, researcher
-from webapp.views.researcher.frame import look_at_person
+from webapp.views.researcher.frame import look, look_at_person
 from webapp.views.researcher.person_page import find_or_404, show_person
 from webapp.views.services import services
+
+_MAX_QUOTED = 12
+"""How much of what is no number of a page is said again."""
 
 
 @bp.post("/people/<code>/note")
@@ -57,10 +62,11 @@ def include_person(code: str) -> ResponseReturnValue:
 @requires("owner")
 def correct_person(code: str) -> ResponseReturnValue:
     """Record what should stand in the data."""
-    here = services()
+    here, person = services(), find_or_404(code)
+    look_at_person(person)
 
     def correct() -> None:
-        correction = _correction()
+        correction = _correction(person)
         people.correct(here.database, code, correction, _said("reason"), researcher().name, here.clock())
 
     return _do(code, "correct", "corrected", correct)
@@ -71,13 +77,10 @@ def correct_person(code: str) -> ResponseReturnValue:
 def release_page(code: str) -> ResponseReturnValue:
     """Let somebody go on without the page they are at."""
     here, person = services(), find_or_404(code)
-    all_pages = pages(look_at_person(person).study, find_trials(here.database, person))
-    number = _page_number()
+    look_at_person(person)
 
     def release() -> None:
-        if not 1 <= number <= len(all_pages):
-            raise PersonError(f"there is no page {number}")
-        page = all_pages[number - 1]
+        page = _page_of(person, _said("page"))
         helping.release_page(here.database, code, page, _said("reason"), researcher().name, here.clock())
 
     return _do(code, "help", "released", release)
@@ -93,7 +96,7 @@ def restart_page(code: str) -> ResponseReturnValue:
         "help",
         "restarted",
         lambda: helping.restart_page(
-            here.database, code, _page_number(), _said("reason"), researcher().name, here.clock()
+            here.database, code, _number(_said("page")), _said("reason"), researcher().name, here.clock()
         ),
     )
 
@@ -114,14 +117,14 @@ def make_link(code: str) -> ResponseReturnValue:
 @bp.post("/people/<code>/look")
 @requires("owner")
 def look_at_pictures(code: str) -> ResponseReturnValue:
-    """Show this account what one participant saw."""
+    """Show this account what one participant saw, and from then on nothing by arm while the arms are masked."""
     here, person = services(), find_or_404(code)
-    return _do(
-        code,
-        "look",
-        "person_unblinded",
-        lambda: unblind_person(here.database, researcher().name, person, _said("reason"), here.clock()),
-    )
+
+    def unblind() -> None:
+        confirm_password()
+        unblind_person(here.database, researcher().name, person, _said("reason"), here.clock())
+
+    return _do(code, "look", "person_unblinded", unblind)
 
 
 @bp.get("/people/<code>/erase")
@@ -152,7 +155,7 @@ def _do(code: str, form: str, done: str, action: Callable[[], None]) -> Response
     look_at_person(person)
     try:
         action()
-    except PersonError as error:
+    except (NotConfirmedError, PersonError) as error:
         return show_person(code, (form, str(error))), 422
     return redirect(url_for(".person", code=code, done=done), code=303)
 
@@ -166,17 +169,32 @@ def _confirm_code(code: str) -> None:
         raise PersonError(f"type the code {code} to say that you mean this person")
 
 
-def _page_number() -> int:
-    said = _said("page")
-    return int(said) if said.isdecimal() and len(said) < 6 else 0  # noqa: PLR2004 - more digits than any page has
+def _number(said: str) -> int:
+    """Return the number of a page, or 0 for what no page has."""
+    return int(said) if re.fullmatch(r"[0-9]{1,5}", said) else 0
 
 
-def _correction() -> Correction:
+def _page_of(person: Participant, said: str) -> Page:
+    """Return a page of a participant to whose data `look` has turned.
+
+    Raises:
+        PersonError: They have no such page.
+    """
+    planned = pages(look().study, find_trials(services().database, person))
+    number = _number(said)
+    if not 1 <= number <= len(planned):
+        raise PersonError(f"there is no page {said[:_MAX_QUOTED]}; there are {len(planned)}")
+    return planned[number - 1]
+
+
+def _correction(person: Participant) -> Correction:
     file, _, place = _said("place").partition("|")
-    page, _, question = place.partition("|")
-    if not (page.isdecimal() and question):
+    number, _, question = place.partition("|")
+    if not (number and question):
         raise PersonError("choose the value that is to be corrected")
-    return Correction(file, int(page), question, _said("value"))
+    page = _page_of(person, number)
+    actions = () if page.trial is None else look().catalogue.world(page.trial.layout).actions
+    return Correction(file, Asked(look().study, page, actions), question, _said("value"))
 
 
 def _erase_page(code: str, problem: str | None = None) -> str:

@@ -8,13 +8,14 @@ from typing import Any
 from flask import abort, render_template, request
 from flask.typing import ResponseReturnValue
 
-from webapp.storage.live_person_numbers import GivenDrive, PersonNumbers
+from webapp.storage.live_person_numbers import GivenDrive, GivenRating, PersonNumbers
 from webapp.storage.participants import Participant
 from webapp.storage.people import MAX_REASON_LENGTH, PersonError, find_person
 from webapp.storage.timeline import TimelineEntry, timeline
 from webapp.storage.unblinding import is_person_unblinded
 from webapp.views.researcher.door import bp, researcher
 from webapp.views.researcher.frame import look, look_at_person
+from webapp.views.researcher.mask import asks_every_arm
 from webapp.views.researcher.person_pictures import shown_to
 from webapp.views.researcher.sentences import sentence
 from webapp.views.researcher.words import PAGES, STATES, flag_words, seconds_words
@@ -85,7 +86,8 @@ def show_person(code: str, problem: tuple[str, str] | None = None, link: str | N
         state=STATES[told.line.state],
         moments=_moments(timeline(here.database, code), sees=sees),
         drives=_drives(told, sees=sees),
-        correctables=_correctables(told),
+        ratings=_ratings(told, sees=sees),
+        correctables=_correctables(told, sees=sees),
         sees=sees,
         practice=practice,
         shown=shown,
@@ -156,7 +158,13 @@ def _drives(told: PersonNumbers, *, sees: bool) -> Sequence[GivenDrive]:
     return [drive for drive in told.drives if sees or drive.phase != "before"]
 
 
-def _correctables(told: PersonNumbers) -> Sequence[Correctable]:
+def _ratings(told: PersonNumbers, *, sees: bool) -> Sequence[GivenRating]:
+    """Return the ratings; while blind only those of items that every arm is asked."""
+    experiments = {trial.number: look().study.experiment(trial.experiment) for trial in told.trials}
+    return [given for given in told.ratings if sees or asks_every_arm(experiments[given.trial], given.item)]
+
+
+def _correctables(told: PersonNumbers, *, sees: bool) -> Sequence[Correctable]:
     latest: dict[tuple[int, str], Any] = {(answer.page, answer.question): answer for answer in told.answers}
     found = [
         Correctable(f"answers|{page}|{question}", f"Page {page}, {question.replace('_', ' ')}: {answer.answer}")
@@ -166,7 +174,7 @@ def _correctables(told: PersonNumbers) -> Sequence[Correctable]:
         Correctable(
             f"ratings|{given.page}|{given.item}", f"Page {given.page}, {given.item.replace('_', ' ')}: {given.rating}"
         )
-        for given in told.ratings
+        for given in _ratings(told, sees=sees)
     ]
     found += [
         Correctable(

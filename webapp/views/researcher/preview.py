@@ -88,18 +88,23 @@ def begin_preview() -> ResponseReturnValue:
 def _choice() -> Choice:
     study, told = look().study, request.values
     language, draw = told.get("language", study.languages[0]), told.get("draw", "0")
-    if language not in study.languages or not draw.isdecimal() or int(draw) >= study.explanation.num_draws:
+    if language not in study.languages or not _is_number(draw) or int(draw) >= study.explanation.num_draws:
         abort(404)
     chosen: dict[str, Assignment] = {}
     for experiment in study.experiments:
         arrangement, _, order = told.get(f"in-{experiment.id}", "0.0").partition(".")
-        if not (arrangement.isdecimal() and order.isdecimal()):
+        if not (_is_number(arrangement) and _is_number(order)):
             abort(404)
         place = Assignment(int(arrangement), int(order))
         if place.arrangement >= len(arrangements(experiment)) or place.layout_order >= len(layout_orders(experiment)):
             abort(404)
         chosen[experiment.id] = place
     return Choice(chosen, language, int(draw))
+
+
+def _is_number(said: str) -> bool:
+    """Tell whether something is a number that an index may have."""
+    return re.fullmatch(r"[0-9]{1,12}", said) is not None
 
 
 def _visit(choice: Choice, number: int) -> Visit:

@@ -29,6 +29,7 @@ _WORDS: Mapping[Action, str] = {
     "published": "published a version of the study",
     "created": "made the account {account} ({role})",
     "role_changed": "made {account} {role}",
+    "password_changed": "gave {account} another password",
     "disabled": "closed the account {account}",
     "signed_in": "signed in",
     "signed_out": "signed out",

@@ -118,6 +118,7 @@ class _Chain:
         self, at: str, actor: str, action: str, content: object, scope: tuple[str | None, ...], **about: object
     ) -> None:
         self._number += 1
+        at = at if "." in at else f"{at}.000000"
         digest = _sha256(_canonical(content))
         told = f"{at.replace(' ', 'T')}Z"
         fields = [self._number, told, actor, action, *scope, about.get("subject"), digest]
@@ -140,13 +141,22 @@ def _fill_the_log() -> None:
     connection, chain = op.get_bind(), _Chain()
     query = sa.text("SELECT at, researcher, action, detail FROM audit_log ORDER BY id")
     for at, actor, action, detail in connection.execute(query).all():
-        chain.append(str(at), actor, action, None if detail is None else {"detail": detail}, (None, None, None))
+        chain.append(str(at), actor, action, _content(actor, action, detail), (None, None, None))
     op.drop_table("audit_log")
     query = sa.text("SELECT id, code, salt, study, study_version, mode, consented_at FROM participants ORDER BY id")
     for participant_id, code, salt, *scope, at in connection.execute(query).all():
         content = {"word": None, "experiments": _places(participant_id), "draws": [], "num_draws": 0}
         about = {"subject": _sha256(f"{salt}{code}"), "participant_id": participant_id}
         chain.append(str(at), "system", "allocated", content, tuple(scope), **about)
+
+
+def _content(actor: str, action: str, detail: str | None) -> dict[str, str] | None:
+    """Return what an earlier line of the log told, as it is told now."""
+    if action == "created":
+        return {"account": actor, "role": "owner"}
+    if detail is None:
+        return None
+    return {"file": detail} if action == "downloaded" else {"detail": detail}
 
 
 def _places(participant_id: int) -> list[dict[str, object]]:
