@@ -1,5 +1,7 @@
 /* Keeps an open page of the dashboard up to date without loading it anew. */
 
+import { startRefreshing } from "./refresh.js";
+
 const EVERY_MS = 5000;
 const UNITS = [
   ["day", 86400],
@@ -18,6 +20,7 @@ const COUNTS = {
 
 /** Poll what the page shows while it is in view, and say politely what changed. */
 export function startLivePage(overview) {
+  const bringUpToDate = startRefreshing(overview, EVERY_MS, showTimes);
   let announced = null;
   let isAsking = false;
   async function refresh() {
@@ -25,6 +28,7 @@ export function startLivePage(overview) {
       return;
     }
     isAsking = true;
+    const askedAt = Date.now();
     try {
       const response = await fetch(overview.dataset.status, { headers: { Accept: "application/json" }, redirect: "manual" });
       if (!response.ok) {
@@ -33,6 +37,7 @@ export function startLivePage(overview) {
       }
       const status = await response.json();
       show(overview, status);
+      await bringUpToDate(status, askedAt);
       report(overview, null);
       const sentence = summarise(overview, status);
       if (announced !== null && announced !== sentence) {
@@ -90,12 +95,14 @@ function show(overview, status) {
   }
   (status.funnel ?? []).forEach((step, i) => showStep(overview.querySelector(`[data-step="${i}"]`), step));
   if (status.num_elsewhere !== undefined) {
-    overview.querySelector("[data-elsewhere]").hidden = status.num_elsewhere === 0;
+    overview.querySelector("[data-elsewhere]")?.toggleAttribute("hidden", status.num_elsewhere === 0);
     setText(overview.querySelector("[data-value=num_elsewhere]"), status.num_elsewhere);
   }
   setText(overview.querySelector("[data-value=num_found]"), status.num_found ?? "");
   showHead(overview, status.head);
-  showParticipants(overview, status.participants);
+  if (overview.querySelector("#participants")) {
+    showParticipants(overview, status.participants);
+  }
   showTimes(overview);
 }
 

@@ -63,6 +63,30 @@ def test_whoever_arrives_and_goes_on_is_shown_and_announced(page: Page, site: Si
     expect(page.locator(".timeline")).to_contain_text("agreed to take part")
 
 
+def test_tables_and_charts_are_taken_anew_and_keep_focus_and_scroll(
+    page: Page, site: Site, open_context: OpenContext
+) -> None:
+    participant = arrive(site, open_context)
+    for path, part in (("results", "results"), ("quality", "focus"), ("allocation", "cells"), ("", "times")):
+        page.goto(f"/researcher/{path}")
+        page.clock.run_for(EVERY_MS)
+        page.evaluate("part => { window.stays = true; document.getElementById(part).dataset.old = ''; }", part)
+        if path == "allocation":
+            page.locator("#cells .table-frame").first.focus()
+        arrive(site, open_context)
+        page.clock.run_for(2 * EVERY_MS)
+        expect(page.locator(f"#{part}:not([data-old])")).to_be_visible()
+        assert page.evaluate("window.stays")
+        if path == "allocation":
+            expect(page.locator("#cells .table-frame").first).to_be_focused()
+            expect(page.locator("[data-pulse]")).to_be_visible()
+    before = page.locator("#times").text_content() or ""
+    participant.go_on("instructions.start")
+    page.clock.run_for(2 * EVERY_MS)
+    expect(page.locator("#times")).to_contain_text("Instructions")
+    expect(page.locator("#times")).not_to_have_text(before)
+
+
 def test_a_list_of_people_stays_up_to_date_too(page: Page, site: Site, open_context: OpenContext) -> None:
     page.goto("/researcher/people?state=consented")
     found = page.locator("[data-value=num_found]")

@@ -66,7 +66,7 @@ def test_a_link_made_by_a_researcher_lets_another_browser_go_on(app: Flask, inst
     lost.agree()
     lost.walk(last=4)
     ((code,),) = ask(instance, "SELECT code FROM participants")
-    token = make_link(services_of(app).database, str(code), "boss", utc_now())
+    token = make_link(services_of(app).database, str(code), "They lost it", "boss", utc_now())
     assert found.get(f"/resume/{token}").status_code == 200
     assert found.post(f"/resume/{token}").status_code == 303
     assert found.place() == "/study/5"

@@ -106,6 +106,13 @@ def test_an_idle_dashboard_signs_out_although_it_polls(researcher: Visitor, cloc
     assert researcher.get("/researcher/").headers["Location"] == "/researcher/sign-in"
 
 
+def test_a_page_that_fetches_itself_keeps_no_session_alive(researcher: Visitor, clock: Clock) -> None:
+    for _ in range(31):
+        clock.wait(minutes=1)
+        status = researcher.client.get("/researcher/results", headers={"X-Poll": "1"}).status_code
+    assert status == 303
+
+
 def test_the_live_numbers_say_who_is_where(researcher: Visitor, app: Flask, clock: Clock) -> None:
     answer = researcher.get("/researcher/status.json").get_json()
     assert (answer["participants"], answer["counts"]["arrived"]) == ([], 0)
@@ -123,8 +130,12 @@ def test_the_live_numbers_say_who_is_where(researcher: Visitor, app: Flask, cloc
     assert [line["state"] for line in answer["participants"]] == ["withdrawn", "completed", "in_progress", "consented"]
     assert {line["num_pages"] for line in answer["participants"]} == {11}
     assert all(re.fullmatch(r"2031-03-01T\d\d:\d\d:\d\dZ", line["last_seen"]) for line in answer["participants"])
-    assert sum(cell["assigned"] for cell in answer["cells"]) == 4 * 5
-    assert sum(cell["done"] for cell in answer["cells"]) == 5 + 1
+    assert answer["cells"] == []
+    assert all(layout["most_assigned"] <= 4 for layout in answer["layouts"])
+    unblind(researcher)
+    cells = researcher.get("/researcher/status.json").get_json()["cells"]
+    assert sum(cell["assigned"] for cell in cells) == 4 * 5
+    assert sum(cell["done"] for cell in cells) == 5 + 1
     page = researcher.get("/researcher/").text
     assert all(line["code"] in page for line in answer["participants"])
     for _ in range(3):
@@ -158,7 +169,9 @@ def test_people_are_found_by_code_and_state_and_by_a_hundred(researcher: Visitor
     assert "Nobody here yet" in researcher.get("/researcher/people?flagged=yes").text
 
 
-@pytest.mark.parametrize("query", ["state=asleep", "flagged=maybe", "page=last", "mode=dream", "version=0000"])
+@pytest.mark.parametrize(
+    "query", ["state=asleep", "flagged=maybe", "excluded=maybe", "page=last", "mode=dream", "version=0000"]
+)
 def test_an_address_that_means_nothing_is_no_page(researcher: Visitor, query: str) -> None:
     assert researcher.get(f"/researcher/people?{query}").status_code == 404
 
@@ -178,7 +191,9 @@ def test_an_earlier_version_is_shown_when_chosen_and_links_stay_with_it(
     assert 'data-count="arrived">1<' in page
     assert f'href="/researcher/results?version={earlier}"' in page
     assert f'data-status="/researcher/status.json?version={earlier}"' in page
+    assert f"{earlier[:12]}, 1 person<" in page
     other = visitor.get("/researcher/people?mode=bot").text
+    assert f"{earlier[:12]}, 0 people<" in other
     assert 'href="/researcher/quality?mode=bot"' in other
 
 

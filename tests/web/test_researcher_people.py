@@ -1,23 +1,31 @@
 """The page of one participant: what it tells, what owners may do there, and that errors lose nothing."""
 
 import re
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 from flask import Flask
 
+from tests.unit.storage.people import NOW, enrol_somebody, walk_to
 from tests.web.bundles import write_bundle
 from tests.web.people import Visitor
 from tests.web.reading import ask, num_rows
 from tests.web.researchers import PASSWORD, researcher_of, unblind
 from tests.web.test_results_pages import KINDS, kinds_told, plain, study_with, take_part
 from webapp.config import Config
+from webapp.storage import database as database_module
+from webapp.storage.answers import store_step
+from webapp.study.answers import DriveStep
 from webapp.study.protocol import Study
+from webapp.views.services import services_of
 
 REASON = {"reason": "They wrote to us"}
 CONFIRMED = REASON | {"password": PASSWORD}
 BY_ARM = ("", "allocation", "results")
+OF_TRIALS = ("Ratings", "Predictions", "Drives")
 
 
 @pytest.fixture
@@ -98,21 +106,39 @@ def test_notes_exclusions_and_their_end_are_kept_with_their_reasons(researcher: 
 def test_what_cannot_be_done_is_said_and_nothing_typed_is_lost(
     researcher: Visitor, action: str, form: dict[str, str], words: str
 ) -> None:
+    if action == "correct":
+        unblind(researcher)
     answer = researcher.post(f"/researcher/people/{code_of(researcher)}/{action}", form)
     assert answer.status_code == 422
     assert words in plain(answer.text).replace("&#39;", "'")
     typed = form.get("reason", "").strip()
-    assert not typed or f">{typed}</textarea>" in answer.text
+    kept = f"You had typed: “{typed}”" if action == "include" else f">{typed}</textarea>"
+    assert not typed or kept in answer.text
+
+
+@pytest.mark.usefixtures("person")
+def test_a_reason_to_exclude_never_stands_in_the_form_that_includes_again(researcher: Visitor, app: Flask) -> None:
+    address = f"/researcher/people/{code_of(researcher)}"
+    researcher_of(app, name="other").post(f"{address}/exclude", {"reason": "A friend answered"})
+    page = researcher.post(f"{address}/exclude", {"reason": "A flatmate answered"}).text
+    assert "You had typed: “A flatmate answered”" in page
+    (form,) = re.findall(r'<form[^>]*/include".*?</form>', page, re.DOTALL)
+    assert re.findall(r"<textarea[^>]*>(.*?)</textarea>", form) == [""]
+    again = researcher.post(f"{address}/include", {"reason": ""}).text
+    assert "You had typed" not in again
 
 
 @pytest.mark.usefixtures("person")
 def test_a_correction_stands_beside_the_answer(researcher: Visitor, instance: Path) -> None:
     address = f"/researcher/people/{code_of(researcher)}"
+    assert "1 correction" not in researcher.get("/researcher/results").text
+    unblind(researcher)
     form = {"place": "ratings|3|general", "value": "5", **REASON}
     assert researcher.post(f"{address}/correct", form).status_code == 303
     page = researcher.get(address).text
     assert "corrected general on page 3 from “" in page
     assert "to “5”: “They wrote to us”" in page
+    assert "There is 1 correction, not applied here" in researcher.get("/researcher/results").text
     assert ask(instance, "SELECT count(*) FROM ratings WHERE rating = 5 AND item = 'general' AND page_number = 3") == [
         (0,)
     ]
@@ -125,20 +151,26 @@ def test_somebody_stuck_goes_on_without_the_page(person: Visitor, researcher: Vi
     assert person.place() == "/study/4"
     assert researcher.post(f"{address}/release", {"page": "4", **REASON}).status_code == 303
     assert person.place() == "/study/5"
-    assert "released page 4: “They wrote to us”" in researcher.get(address).text
+    page = researcher.get(address).text
+    assert "released page 4: “They wrote to us”" in page
+    assert "page 4 was sent" not in page
+    assert re.findall(r'<tr><td class="number">4</td>.*<td class="number">(.*?)</td>', page) == ["released"]
+    assert "page 4 was stored with nothing on it" in researcher.get("/researcher/records").text
 
 
 def test_a_new_link_is_shown_once_and_leads_back(person: Visitor, researcher: Visitor, app: Flask) -> None:
     address = f"/researcher/people/{code_of(researcher)}"
-    page = researcher.post(f"{address}/link").text
+    assert researcher.post(f"{address}/link").status_code == 422
+    page = researcher.post(f"{address}/link", REASON).text
     found = re.search(r'value="http://localhost(/resume/[^"]+)" readonly', page)
     assert found is not None
     assert found[1] not in researcher.get(address).text
     elsewhere = Visitor(app)
     elsewhere.post(found[1])
     assert elsewhere.place() == "/study/4"
+    assert "made a new personal link: “They wrote to us”" in researcher.get(address).text
     person.post("/leave")
-    assert researcher.post(f"{address}/link").status_code == 422
+    assert "the study is over" in researcher.post(f"{address}/link", REASON).text
 
 
 @pytest.mark.usefixtures("person")
@@ -156,11 +188,29 @@ def test_erasing_asks_for_code_and_password_and_leaves_nobody(researcher: Visito
         assert refused.status_code == 422
         assert words in refused.text
     assert num_rows(instance, "participants") == 1
-    assert researcher.post(address, {"code": code, "password": PASSWORD}).status_code == 303
+    erased = researcher.post(address, {"code": code, "password": PASSWORD})
+    assert erased.headers["Location"] == "/researcher/people?done=erased"
     assert num_rows(instance, "participants") == 0
     assert researcher.get(f"/researcher/people/{code}").status_code == 404
     assert researcher.post(f"/researcher/people/{code}/note", {"text": "x"}).status_code == 404
     assert code not in researcher.get("/researcher/records").text
+
+
+def test_traces_that_somebody_keeps_on_the_disk_are_told_of(
+    instance: Path, start_app: Callable[[Config], Flask], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(database_module, "journal_mode", lambda _: "wal")  # The other journal lets nobody read on.
+    app = start_app(Config(instance))
+    Visitor(app).agree()
+    researcher = researcher_of(app)
+    code = code_of(researcher)
+    with closing(sqlite3.connect(instance / "xar.sqlite3", isolation_level=None)) as reader:
+        reader.execute("BEGIN")
+        reader.execute("SELECT count(*) FROM participants").fetchone()
+        erased = researcher.post(f"/researcher/people/{code}/erase", {"code": code, "password": PASSWORD})
+    assert erased.headers["Location"] == "/researcher/people?done=erased_for_now"
+    page = researcher.get(erased.headers["Location"]).text
+    assert "the last traces leave the disk when the server is restarted" in page
 
 
 @pytest.fixture
@@ -189,6 +239,7 @@ def test_the_pictures_are_shown_for_a_reason_to_one_account_and_of_one_person(dr
 def test_a_prediction_is_corrected_to_an_action_of_the_world(driving: Flask) -> None:
     person, researcher = take_part(driving), researcher_of(driving)
     address = f"/researcher/people/{person.code}"
+    unblind(researcher)
     (key, *_) = re.findall(r'value="(probes\|\d+\|1)"', researcher.get(address).text)
     refused = researcher.post(f"{address}/correct", {"place": key, "value": "up", **REASON})
     assert refused.status_code == 422
@@ -207,7 +258,6 @@ def test_whoever_looked_at_somebody_gets_no_numbers_by_arm_until_unblinded(drivi
     visitor, other = researcher_of(driving), researcher_of(driving, name="other")
     assert all(by_arm(visitor.get(f"/researcher/{path}").text) for path in BY_ARM)
     assert visitor.post(f"/researcher/people/{people[0].code}/look", REASON).status_code == 422
-    assert visitor.get("/researcher/status.json").get_json()["cells"] != []
     visitor.post(f"/researcher/people/{people[0].code}/look", CONFIRMED)
     for _ in range(2):
         assert visitor.get("/researcher/status.json").get_json()["cells"] == []
@@ -226,24 +276,37 @@ def test_whoever_looked_at_somebody_gets_no_numbers_by_arm_until_unblinded(drivi
         assert "data-arms-hidden" not in page
 
 
-def test_the_page_of_a_person_shows_no_item_that_only_some_arms_are_asked_while_blind(
-    instance: Path, start_app: Callable[[Config], Flask]
+def test_what_was_asked_and_done_in_trials_is_hidden_while_blind_and_cannot_be_corrected(
+    driving: Flask,
 ) -> None:
-    study = study_with("tailored_all", "placebic", "none")
-    write_bundle(instance, study)
-    app = start_app(Config(instance, study=study.name))
-    person, visitor = take_part(app), researcher_of(app)
+    person, visitor = take_part(driving), researcher_of(driving)
     address = f"/researcher/people/{person.code}"
 
-    def items(page: str) -> list[str]:
-        return re.findall(r'value="ratings\|\d+\|([^"]+)"', page)
+    def told(page: str) -> set[str]:
+        keys = {key.partition("|")[0] for key in re.findall(r'<option value="([^"]+\|[^"]+)"', page)}
+        return keys | {title for title in OF_TRIALS if f">{title}</h2>" in page}
 
-    blind = visitor.get(address).text
-    assert items(blind) == ["foresee"] * 3
-    assert "satisfaction" not in blind
-    assert "loveliness" not in blind
+    assert told(visitor.get(address).text) <= {"answers"}
+    refused = visitor.post(f"{address}/correct", {"place": "probes|99|7", "value": "up", **REASON})
+    assert "while arms are masked only answers can be corrected" in refused.text
     visitor.post(f"{address}/look", CONFIRMED)
-    assert set(items(visitor.get(address).text)) >= {"foresee", "loveliness", "satisfaction_1"}
+    page = visitor.get(address).text
+    assert told(page) >= {"ratings", "probes", *OF_TRIALS}
+    assert re.search(r"Page \d+, trial \d, foresee \(1 to 5\): 3<", page)
+
+
+@pytest.mark.parametrize(("kind", "is_told"), [("practice", True), ("drive", False)])
+def test_how_somebody_steered_in_a_trial_is_hidden_while_blind(driving: Flask, kind: str, *, is_told: bool) -> None:
+    here = services_of(driving)
+    study, version = here.bundles.current.study, here.bundles.current.version
+    person = enrol_somebody(here.database, "test", version, study=study)
+    page = walk_to(here.database, person, kind, study)
+    store_step(here.database, person, page, DriveStep(1, "forward", 1200), NOW)
+    visitor = researcher_of(driving)
+    address = f"/researcher/people/{person.code}"
+    assert ("steered the agent on page" in visitor.get(address).text) == is_told
+    visitor.post(f"{address}/look", CONFIRMED)
+    assert "steered the agent on page" in visitor.get(address).text
 
 
 def test_whoever_sees_the_arms_sees_what_was_shown_as_far_as_they_came(driving: Flask) -> None:

@@ -117,8 +117,40 @@ def test_arms_stand_in_the_order_of_their_letters_while_masked(driving: Flask) -
     page = visitor.get("/researcher/results").text
     assert list(table_rows(page, "predictions")) == ["Arm A", "Arm B", "Arm C"]
     assert list(table_rows(visitor.get("/researcher/").text, "arm")) == ["Arm A", "Arm B", "Arm C"]
-    cells = visitor.get("/researcher/status.json").get_json()["cells"]
-    assert {cell["kind"] for cell in cells} == {"Arm A", "Arm B", "Arm C"}
+
+
+def test_no_letter_stands_with_a_layout_while_masked(driving: Flask) -> None:
+    take_part(driving)
+    take_part(driving)
+    visitor = researcher_of(driving)
+    for path in ("", "allocation"):
+        page = visitor.get(f"/researcher/{path}").text
+        assert "data-cell" not in page
+        assert set(table_rows(page, "layout")) == set(DRIVING.experiments[0].layouts)
+    status = visitor.get("/researcher/status.json").get_json()
+    assert status["cells"] == []
+    assert {layout["experiment"] for layout in status["layouts"]} == {DRIVING.experiments[0].id}
+    for layout in status["layouts"]:
+        assert 0 <= layout["fewest_assigned"] <= layout["most_assigned"] <= 2
+        assert (layout["fewest_done"], layout["most_done"]) == (layout["fewest_assigned"], layout["most_assigned"])
+    assert sum(layout["most_assigned"] for layout in status["layouts"]) >= len(status["layouts"])
+    unblind(visitor)
+    status = visitor.get("/researcher/status.json").get_json()
+    assert (status["layouts"], len(status["cells"])) == ([], len(KINDS) * len(DRIVING.experiments[0].layouts))
+    assert "data-cell" in visitor.get("/researcher/").text
+
+
+def test_of_masked_arrangements_is_told_how_many_are_held_how_often(driving: Flask) -> None:
+    (experiment,) = DRIVING.experiments
+    take_part(driving)
+    visitor = researcher_of(driving)
+    page = visitor.get("/researcher/allocation").text
+    (of_nobody,), (of_one,) = (table_rows(page, "held")[times] for times in ("0", "1"))
+    assert (of_one, f'id="arrangements-{experiment.id}"' in page) == ("1", False)
+    unblind(visitor)
+    page = visitor.get("/researcher/allocation").text
+    (table,) = re.findall(rf'id="arrangements-{experiment.id}".*?</table>', page, re.DOTALL)
+    assert table.count('<th scope="row">') == 1 + int(of_nobody)
 
 
 def test_what_only_some_arms_have_is_left_out_while_masked(
@@ -136,7 +168,7 @@ def test_what_only_some_arms_have_is_left_out_while_masked(
     assert set(re.findall('data-item="([^"]+)"', masked)) == {"foresee"}
     unblind(visitor)
     shown = visitor.get("/researcher/results").text
-    assert list(table_rows(shown, "before")) == ["tailored all", "placebic", "none"]
+    assert list(table_rows(shown, "before")) == ["tailored all"]
     assert "satisfaction scale" in shown
     assert {"foresee", "likeliness"} <= set(re.findall('data-item="([^"]+)"', shown))
 
@@ -213,7 +245,7 @@ def test_every_estimate_stands_with_its_interval_and_what_it_rests_on(driving: F
         == ["3.00", "\N{EN DASH}", "\N{EN DASH}", "100 % n = 4"] + ["\N{EN DASH}"] * 2
     )
     assert table_rows(shown, "before")["tailored all"][0] == "0 %"
-    assert table_rows(shown, "before")["placebic"][0] == "\N{EN DASH}"
+    assert "placebic" not in table_rows(shown, "before")
     assert table_rows(shown, "gain")["tailored all"][0] == "+0"
 
 
@@ -224,6 +256,20 @@ def test_the_means_stand_in_the_table_and_on_the_chart(driving: Flask) -> None:
     means = re.findall(r'data-mean="([\d.]+)"', page)
     assert set(means) == {"3.0"}
     assert page.count('cx="50.00%"') >= len(means)
+
+
+def test_each_item_is_drawn_on_a_scale_of_its_own(instance: Path, start_app: Callable[[Config], Flask]) -> None:
+    (experiment,) = DRIVING.experiments
+    first, *others = experiment.items
+    items = (first.model_copy(update={"points": 7}), *others)
+    study = DRIVING.model_copy(update={"experiments": (experiment.model_copy(update={"items": items}),)})
+    write_bundle(instance, study)
+    app = start_app(Config(instance, study=study.name))
+    take_part(app)
+    visitor = researcher_of(app)
+    unblind(visitor)
+    tables = re.findall(r'id="ratings-\d+-(\d)".*?</table>', visitor.get("/researcher/results").text, re.DOTALL)
+    assert tables == ["5", "7"]
 
 
 @pytest.mark.parametrize("points", [5, 7])
@@ -265,6 +311,24 @@ def test_declared_rules_are_told_with_whom_they_flag_and_exclude_nobody(driving:
     assert f'href="/researcher/people/{person.code}"' in page
     assert "never a reason by itself" in page
     assert "Nobody is excluded" in page
+
+
+def test_people_are_found_by_rule_and_exclusion(driving: Flask) -> None:
+    people = [take_part(driving), take_part(driving), take_part(driving, fails=True)]
+    visitor = researcher_of(driving)
+    visitor.post(f"/researcher/people/{people[0].code}/exclude", {"reason": "A friend answered"})
+
+    def found(query: str) -> set[str]:
+        told = visitor.get(f"/researcher/people.json?{query}").get_json()
+        assert told["num_found"] == len(told["participants"])
+        return {line["code"] for line in told["participants"]}
+
+    assert found("excluded=yes") == {people[0].code}
+    assert found("flagged=straight_lining") == {people[0].code, people[1].code}
+    assert found("flagged=failed_quiz&excluded=yes") == set()
+    page = visitor.get("/researcher/people?flagged=straight_lining&page=9").text
+    assert '<option value="straight_lining" selected>straight-lining</option>' in page
+    assert people[1].code in page
 
 
 def test_unvalidated_translations_are_noted_with_their_readers(driving: Flask) -> None:
@@ -422,6 +486,8 @@ def test_the_recruiters_list_is_compared(driving: Flask) -> None:
     theirs = f"Submission id,Participant id,Status\nx,{RECRUIT.external_id},RETURNED\ny,{'a' * 24},APPROVED\n"
     answer = send_list(visitor, theirs.encode())
     assert answer.status_code == 200
+    assert downloads(services_of(driving).config.instance) == ["reconciliation"]
+    assert "compared the recruiter's list" in visitor.get("/researcher/records").text.replace("&#39;", "'")
     assert "2 in the list, 1 here" in answer.text
     assert "a" * 24 in answer.text
     assert participant.code in answer.text
@@ -429,6 +495,7 @@ def test_the_recruiters_list_is_compared(driving: Flask) -> None:
         refused = send_list(visitor, content, "list.csv" if content else "")
         assert refused.status_code == 422
         assert words in refused.text.replace("&#39;", "'")
+    assert len(downloads(services_of(driving).config.instance)) == 1
     too_long = {"data": b"x" * (6 * 1024 * 1024), "content_type": "multipart/form-data; boundary=x"}
     assert visitor.client.post("/researcher/reconcile", headers=SAME_SITE, **too_long).status_code == 413
 

@@ -99,6 +99,19 @@ def excluded_people(database: Database, scope: Scope) -> tuple[tuple[str, Exclus
     return tuple(sorted(known, key=lambda told: told[1].at, reverse=True))
 
 
+def num_corrections(database: Database, scope: Scope) -> int:
+    """Return how many corrections are recorded about people who are still there: erasing takes the contents away."""
+    about = record_contents.c.number == records.c.number
+    query = (
+        select(func.count())
+        .select_from(records)
+        .join(record_contents, about)
+        .where(records.c.action == "corrected", scope.of(records))
+    )
+    with database.read() as connection:
+        return connection.execute(query).scalar_one()
+
+
 def latest_records(
     database: Database, actions: Sequence[Action] | None, before: int | None, limit: int
 ) -> tuple[RecordLine, ...]:

@@ -61,15 +61,18 @@ def restart_page(database: Database, code: str, page: int, reason: str, actor: s
         record_about(connection, person, Entry(now, actor, "page_restarted", page=page, part=number, content=content))
 
 
-def make_link(database: Database, code: str, actor: str, now: datetime) -> str:
+def make_link(database: Database, code: str, reason: str, actor: str, now: datetime) -> str:
     """Make a personal link for somebody who lost theirs; earlier ones stay good.
+
+    Whoever opens it sees what the participant sees, so it is for a reason.
 
     Returns:
         The token, which is told nowhere else.
 
     Raises:
-        PersonError: There is no such participant, or the study is over for them.
+        PersonError: There is no such participant, the study is over for them, or the reason is missing.
     """
+    told = checked("reason", reason)
     token = secrets.token_urlsafe(32)
     with database.write() as connection:
         person = read_person(connection, code)
@@ -77,7 +80,7 @@ def make_link(database: Database, code: str, actor: str, now: datetime) -> str:
             raise PersonError(f"the study is over for participant {code!r}; there is nothing to go back to")
         row = {"token_hash": hash_token(token), "participant_id": person.id, "made_at": now}
         connection.execute(insert(participant_tokens).values(row))
-        record_about(connection, person, Entry(now, actor, "link_made"))
+        record_about(connection, person, Entry(now, actor, "link_made", content={"reason": told}))
     return token
 
 

@@ -103,8 +103,8 @@ def judged_rules(quality: Quality, facts: PersonFacts) -> tuple[Rule, ...]:
 
 
 _WORDS: Mapping[Rule, str] = {
-    "min_total_minutes": "finished the study in less than {:g} minutes",
-    "min_seconds_per_rating_page": "took less than {:g} seconds for a page of ratings, as the median over these pages",
+    "min_total_minutes": "finished the study in less than {:g} min",
+    "min_seconds_per_rating_page": "took less than {:g} s for a page of ratings, as the median over these pages",
     "straight_lining": "gave every item of every trial the same rating",
     "failed_attention_checks": "failed attention checks: {} or more",
     "failed_quiz": "used up all attempts at the quiz without a right one",

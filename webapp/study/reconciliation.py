@@ -7,8 +7,8 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from webapp.study.sections import Recruitment
@@ -17,9 +17,10 @@ OurState = Literal["in_progress", "completed", "withdrawn", "screened_out"]
 Payment = Literal["paid", "awaiting", "unpaid"]
 
 Finding = Literal[
-    "missing", "extra", "duplicated", "paid_incomplete", "complete_unpaid", "wrong_code", "other_submission", "to_pay"
+    "missing", "extra", "paid_incomplete", "complete_unpaid", "wrong_code", "other_submission", "duplicated", "to_pay"
 ]
 FINDINGS: tuple[Finding, ...] = get_args(Finding)
+"""The most urgent first; a person stands under the first that is true of them."""
 
 NO_PROBLEM: frozenset[Finding] = frozenset({"to_pay"})
 """What is told and is no disagreement."""
@@ -27,21 +28,21 @@ NO_PROBLEM: frozenset[Finding] = frozenset({"to_pay"})
 TITLES: Mapping[Finding, str] = {
     "missing": "In the file and not here",
     "extra": "Here and not in the file",
-    "duplicated": "More than once in the file",
     "paid_incomplete": "Paid and not complete here",
     "complete_unpaid": "Complete here and not paid",
     "wrong_code": "With another code than they were shown here",
     "other_submission": "Here with another submission than in the file",
+    "duplicated": "More than once in the file",
     "to_pay": "Complete here and waiting to be paid",
 }
 ADVICE: Mapping[Finding, str] = {
     "missing": "they say that they took part; ask them, and look at what the recruiter's link holds",
     "extra": "they came by a link, and the recruiter does not list them; is the file of this study, and of today?",
-    "duplicated": "the recruiter lists several submissions; only one can have been the person's first",
     "paid_incomplete": "they got paid, and did not send the last page",
     "complete_unpaid": "they sent the last page, and the recruiter will not pay them unless you do something",
     "wrong_code": "the code does not belong to how their part ended here",
     "other_submission": "the person is the same, the submission is not",
+    "duplicated": "the recruiter lists several submissions; only one can have been the person's first",
     "to_pay": "approve them",
 }
 
@@ -126,10 +127,10 @@ class Found:
     """A person about whom the two lists differ.
 
     Attributes:
-        finding: In what.
+        finding: In what, the most urgent of it.
         external_id: The person's id at the recruiter.
         code: The participant's code here; None for whoever is not here.
-        words: What the lists say.
+        words: What the lists say, and what else is true of the person.
     """
 
     finding: Finding
@@ -173,7 +174,7 @@ def read_list(text: str, id_column: str | None = None) -> tuple[Submission, ...]
 
 
 def compare(theirs: Sequence[Submission], ours: Sequence[OurPerson]) -> tuple[Found, ...]:
-    """Tell about whom the two lists differ, in the order of `FINDINGS`, then of ids."""
+    """Tell about whom the two lists differ, each person once, in the order of `FINDINGS`, then of ids."""
     people = {person.external_id: person for person in ours}
     listed: dict[str, list[Submission]] = {}
     for submission in theirs:
@@ -186,7 +187,7 @@ def compare(theirs: Sequence[Submission], ours: Sequence[OurPerson]) -> tuple[Fo
             found.append(Found("duplicated", external_id, None if person is None else person.code, words))
         if person is not None:
             found += _differences(person, submissions)
-    return tuple(sorted(found, key=lambda one: (FINDINGS.index(one.finding), one.external_id)))
+    return _once(sorted(found, key=lambda one: (FINDINGS.index(one.finding), one.external_id)))
 
 
 def right_codes(recruitment: Recruitment | None, state: OurState) -> frozenset[str] | None:
@@ -195,7 +196,18 @@ def right_codes(recruitment: Recruitment | None, state: OurState) -> frozenset[s
     if not any(shown.values()):
         return None
     code = shown.get(state)
-    return frozenset(_NO_CODES if code is None else {code.upper()})
+    return frozenset(() if code is None else (code.upper(),))
+
+
+def _once(found: Iterable[Found]) -> tuple[Found, ...]:
+    """Return the first finding about each person, with the titles of the others."""
+    told: dict[str, Found] = {}
+    for one in found:
+        first = told.setdefault(one.external_id, one)
+        if first is not one:
+            also = f"{first.words}; also: {TITLES[one.finding].lower()}"
+            told[one.external_id] = replace(first, words=also)
+    return tuple(told.values())
 
 
 def _only_theirs(listed: Mapping[str, Sequence[Submission]], people: Mapping[str, OurPerson]) -> Iterator[Found]:
@@ -222,9 +234,10 @@ def _differences(person: OurPerson, submissions: Sequence[Submission]) -> Iterat
         yield told("paid_incomplete", f"{_told(person.state)} here")
     if person.state == "completed" and not payments["paid"]:
         yield told("to_pay" if payments["awaiting"] else "complete_unpaid", "")
-    entered = {one.code.upper() for one in submissions if one.code is not None and one.payment != "unpaid"}
+    # Whoever entered none, as by the button that leads back, entered no other one.
+    entered = {one.code.upper() for one in submissions if one.code and one.payment != "unpaid"} - _NO_CODES
     if entered and person.right_codes is not None and entered.isdisjoint(person.right_codes):
-        shown = ", ".join(sorted(person.right_codes - _NO_CODES)) or "no code"
+        shown = ", ".join(sorted(person.right_codes)) or "no code"
         yield told("wrong_code", f"was shown {shown}")
     sessions = {one.session for one in submissions if one.session}
     if sessions and person.session is not None and person.session not in sessions:

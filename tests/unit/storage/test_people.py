@@ -197,7 +197,7 @@ def test_help_is_for_those_who_are_still_there(database: Database) -> None:
     for helped in (
         lambda: release_page(database, person.code, page, "why", "boss", NOW),
         lambda: restart_page(database, person.code, 1, "why", "boss", NOW),
-        lambda: make_link(database, person.code, "boss", NOW),
+        lambda: make_link(database, person.code, "why", "boss", NOW),
     ):
         with pytest.raises(PersonError, match="the study is over"):
             helped()
@@ -205,7 +205,10 @@ def test_help_is_for_those_who_are_still_there(database: Database) -> None:
 
 def test_a_new_link_leads_to_the_same_person_and_the_old_one_stays_good(database: Database) -> None:
     person = enrol_somebody(database)
-    token = make_link(database, person.code, "boss", NOW)
+    with pytest.raises(PersonError, match="the reason is missing"):
+        make_link(database, person.code, " ", "boss", NOW)
+    token = make_link(database, person.code, "They lost it", "boss", NOW)
+    assert timeline(database, person.code)[-1].detail == {"reason": "They lost it"}
     assert find_participant(database, hash_token(token)) == person
     assert find_participant(database, person.token_hash) == person
     erase(database, person.code, "boss", NOW)

@@ -129,9 +129,8 @@ def test_whoever_is_listed_twice_is_told_with_both_lines() -> None:
 
 def test_of_many_lines_about_one_person_only_the_first_are_told() -> None:
     theirs = [Submission("p1", f"s{number}", "APPROVED") for number in range(1000)]
-    (missing, duplicated) = compare(theirs, [])
-    assert missing.words == duplicated.words
-    assert missing.words.endswith("; s9, APPROVED; and 990 more")
+    (missing,) = compare(theirs, [])
+    assert missing.words.endswith("; s9, APPROVED; and 990 more; also: more than once in the file")
 
 
 @pytest.mark.parametrize("state", ["in_progress", "withdrawn", "screened_out"])
@@ -150,8 +149,8 @@ def test_whoever_finished_and_will_not_be_paid_is_told_apart_from_whoever_waits(
     [
         ("completed", "DONE1234", True),
         ("completed", "QUIZ", False),
-        ("completed", "NOCODE", False),
-        ("completed", "", False),
+        ("completed", "NOCODE", True),
+        ("completed", "", True),
         ("screened_out", "QUIZ", True),
         ("screened_out", "DONE1234", False),
         ("in_progress", "DONE1234", False),
@@ -162,6 +161,15 @@ def test_whoever_finished_and_will_not_be_paid_is_told_apart_from_whoever_waits(
 def test_a_code_that_belongs_to_another_ending_is_told(state: OurState, entered: str, *, is_right: bool) -> None:
     theirs = [Submission("p1", None, "AWAITING REVIEW", entered)]
     assert (("wrong_code", "p1") not in findings(theirs, person("p1", state))) == is_right
+
+
+def test_a_person_is_told_about_once_under_what_is_most_urgent() -> None:
+    theirs = [Submission("p1", "s1", "AWAITING REVIEW", "WRONG"), Submission("p1", "s2", "AWAITING REVIEW", "WRONG")]
+    (found,) = compare(theirs, [person("p1", session="s9")])
+    assert (found.finding, found.code) == ("wrong_code", "code-p1")
+    assert found.words.startswith("was shown DONE1234, s1")
+    others = "; also: here with another submission than in the file; also: more than once in the file"
+    assert found.words.endswith(f"{others}; also: complete here and waiting to be paid")
 
 
 def test_codes_are_not_compared_where_the_study_shows_none_or_is_not_known() -> None:
@@ -189,6 +197,7 @@ def test_everybody_is_told_about_or_agrees(theirs: list[Submission], ours: list[
     found = compare(theirs, ours)
     assert [FINDINGS.index(one.finding) for one in found] == sorted(FINDINGS.index(one.finding) for one in found)
     told = {one.external_id for one in found}
+    assert len(told) == len(found)
     for one in ours:
         payments = {submission.payment for submission in theirs if submission.external_id == one.external_id}
         if one.external_id not in told:

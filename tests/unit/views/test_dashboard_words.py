@@ -37,7 +37,16 @@ def test_a_p_value_has_no_nought_before_its_point(value: float, words: str) -> N
 
 @pytest.mark.parametrize(
     ("seconds", "words"),
-    [(0.04, "0.0 s"), (9.96, "10.0 s"), (12.4, "12 s"), (59.6, "1 min 00 s"), (65, "1 min 05 s"), (7800, "2 h 10 min")],
+    [
+        (0.04, "40 ms"),
+        (0.9994, "999 ms"),
+        (0.9996, "1.0 s"),
+        (9.96, "10.0 s"),
+        (12.4, "12 s"),
+        (59.6, "1 min 00 s"),
+        (65, "1 min 05 s"),
+        (7800, "2 h 10 min"),
+    ],
 )
 def test_a_duration_is_said_in_the_largest_fitting_units(seconds: float, words: str) -> None:
     assert seconds_words(seconds) == words
@@ -76,6 +85,21 @@ def test_every_kind_of_record_has_a_sentence_even_after_its_content_was_erased()
     assert every == set(Action.__args__)  # type: ignore[attr-defined]
     for action in every:
         assert sentence(action, 3, 1, {})
+
+
+def test_a_sentence_counts_and_names_as_people_do() -> None:
+    ended = {"account": "olga", "ended": 1}
+    assert sentence("sessions_revoked", None, None, ended) == "ended 1 session of olga"
+    assert sentence("sessions_revoked", None, None, ended | {"ended": 3}) == "ended 3 sessions of olga"
+    assert sentence("page_released", None, None, {}) == "released a page"
+    assert sentence("page_restarted", 4, 1, {}) == "let page 4 begin anew"
+
+
+def test_a_correction_of_a_trial_tells_neither_question_nor_value_to_whoever_is_blind() -> None:
+    told = {"file": "ratings", "question": "loveliness", "from": "2", "to": "4", "reason": "Typed wrong"}
+    assert sentence("corrected", 5, None, told, sees=False) == "corrected a value on page 5: “Typed wrong”"
+    assert "loveliness on page 5 from “2” to “4”" in sentence("corrected", 5, None, told)
+    assert "loveliness" in sentence("corrected", 5, None, told | {"file": "answers"}, sees=False)
 
 
 def test_what_was_typed_is_never_taken_for_a_pattern() -> None:

@@ -19,6 +19,7 @@ from webapp.storage.wanted import Wanted, bundles_in
 from webapp.study.reconciliation import ReconciliationError
 from webapp.views.researcher.door import bp, requires, researcher
 from webapp.views.researcher.frame import look
+from webapp.views.researcher.sentences import RECONCILIATION
 from webapp.views.researcher.words import FILES
 from webapp.views.services import services
 
@@ -100,7 +101,7 @@ def download_recruits() -> ResponseReturnValue:
 @bp.post("/reconcile")
 @requires("owner")
 def reconcile_list() -> ResponseReturnValue:
-    """Compare the recruiter's list with ours; it is not kept."""
+    """Compare the recruiter's list with ours; it is not kept. That somebody saw ids beside codes is recorded."""
     # The parser holds more than a piece of the body at a time, which the limit for the forms of pages does not allow.
     request.max_content_length = request.max_form_memory_size = MAX_LIST_BYTES
     here, found = services(), look().scope
@@ -114,6 +115,7 @@ def reconcile_list() -> ResponseReturnValue:
         )
     except ReconciliationError as error:
         return _page(problem=("reconcile", str(error))), 422
+    log_download(here.database, researcher(), RECONCILIATION, here.clock())
     return _page(reconciliation=told)
 
 

@@ -16,6 +16,9 @@ bp = Blueprint("researcher", __name__, url_prefix="/researcher")
 POLLED = frozenset({"researcher.status", "researcher.people_status"})
 """What an open page asks for by itself; it keeps no session alive."""
 
+POLL_HEADER = "X-Poll"
+"""What an open page sends when it fetches itself anew, which nobody asked for either."""
+
 _OPEN = frozenset({"researcher.sign_in", "researcher.check_sign_in"})
 _LONG_WAIT_S = 90
 _Given = ParamSpec("_Given")
@@ -31,7 +34,7 @@ def load_researcher() -> ResponseReturnValue | None:
     here = services()
     g.language = "en"  # The dashboard is English, whatever participants read; so is the frame around it if it can be.
     token = request.cookies.get(cookie_name(here.config, "researcher"))
-    active = request.endpoint not in POLLED
+    active = request.endpoint not in POLLED and POLL_HEADER not in request.headers
     g.researcher = None if token is None else find_session(here.database, token, here.clock(), active=active)
     if g.researcher is not None or request.endpoint in _OPEN:
         return None

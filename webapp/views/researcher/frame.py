@@ -15,7 +15,7 @@ from webapp.storage.scope import Mode, Scope
 from webapp.storage.unblinding import arm_labels, has_looked
 from webapp.study.protocol import Study
 from webapp.views.researcher.door import bp, researcher
-from webapp.views.researcher.mask import Mask
+from webapp.views.researcher.mask import LayoutBalance, Mask
 from webapp.views.services import StudyChangedError, services
 
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -29,6 +29,10 @@ DONE = {
     "restarted": "The page begins anew for the participant.",
     "person_unblinded": "What this person saw is shown below; that you looked is recorded.",
     "erased": "The person was erased; nothing of them is left but their place in the allocation ledger.",
+    "erased_for_now": (
+        "The person was erased. Something kept the database open meanwhile, so the last traces leave the disk when "
+        "the server is restarted."
+    ),
     "unblinded": "You see the arms now; that is recorded.",
     "role": "The role was changed.",
     "disabled": "The account is closed and its sessions have ended.",
@@ -60,8 +64,13 @@ class Look:
 
     def numbers(self) -> Numbers:
         """Return the numbers as this account may see them."""
+        return self.numbers_and_balance()[0]
+
+    def numbers_and_balance(self) -> tuple[Numbers, Sequence[LayoutBalance]]:
+        """Return the numbers as this account may see them, and what stands for the cells while arms are masked."""
         here = services()
-        return self.mask.numbers(here.live.overview(self.study, self.scope, here.clock()), self.study)
+        whole = here.live.overview(self.study, self.scope, here.clock())
+        return self.mask.numbers(whole, self.study), self.mask.balance(whole.cells)
 
 
 @bp.before_request
@@ -157,7 +166,7 @@ def _versions(found: Look) -> Sequence[tuple[str, str]]:
     current = services().bundles.current.version
     counts = dict.fromkeys((current, *(entry.study_version for entry in found.present)), 0)
     for entry in found.present:
-        counts[entry.study_version] += entry.num_people
+        counts[entry.study_version] += entry.num_people if entry.mode == found.scope.mode else 0
     return [
         (version, f"{version[:12]}{' (served now)' if version == current else ''}, {_people(count)}")
         for version, count in counts.items()

@@ -5,10 +5,11 @@ from typing import get_args
 from flask import abort, render_template, request
 from flask.typing import ResponseReturnValue
 
-from webapp.storage.dashboard import latest_records
+from webapp.storage.dashboard import RecordLine, latest_records
 from webapp.storage.records import Action
 from webapp.storage.verification import Verification, verify_log
 from webapp.views.researcher.door import bp
+from webapp.views.researcher.frame import look
 from webapp.views.researcher.sentences import sentence
 from webapp.views.services import services
 
@@ -22,6 +23,7 @@ _BY_RESEARCHERS: tuple[Action, ...] = (
 _BY_ACCOUNTS: tuple[Action, ...] = (
     "created",
     "role_changed",
+    "password_changed",
     "disabled",
     "signed_in",
     "signed_out",
@@ -64,10 +66,19 @@ def _page(verification: Verification | None) -> str:
     return render_template(
         "researcher/log.html",
         lines=lines,
-        words=lambda line: sentence(line.action, line.page, line.part, line.detail),
+        words=_words,
         groups=GROUP_NAMES,
         chosen=chosen,
         before=before,
         is_full=len(lines) == PER_PAGE,
         verification=verification,
     )
+
+
+def _words(line: RecordLine) -> str:
+    """Return what happened, with nothing of trials unless their arms are seen."""
+    scope = look().scope
+    sees = look().mask.is_open and (line.mode, line.study_version) == (scope.mode, scope.study_version)
+    if line.action == "sent" and line.actor != "participant":
+        return f"page {line.page} was stored with nothing on it"
+    return sentence(line.action, line.page, line.part, line.detail, sees=sees)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, TypeVar
 
-from webapp.storage.live_numbers import CellUse, Numbers
+from webapp.storage.live_numbers import Cell, CellUse, Numbers
 from webapp.storage.live_outcomes import Driven, DriveSummary
 from webapp.study.counterbalancing import arrangements, layout_orders
 from webapp.study.experiments import TAILORED_KINDS, Experiment, Kind
@@ -64,16 +64,27 @@ class Mask:
         numbers = replace(
             numbers, page_times=tuple(entry for entry in numbers.page_times if entry.page_kind not in hidden)
         )
+        # Whoever takes part once learns which kind goes with which layout: letters by layouts would tell the letters.
+        cells = self._rows(numbers.cells, experiments) if self.is_open else ()
         if not self.shows_arms:
-            return replace(numbers, cells=(), arms=(), ratings=(), predictions=(), drives=())
+            return replace(numbers, cells=cells, arms=(), ratings=(), predictions=(), drives=())
         return replace(
             numbers,
-            cells=self._rows(numbers.cells, experiments),
+            cells=cells,
             arms=self._rows(numbers.arms, experiments),
             ratings=self._rows(ratings, experiments),
             predictions=self._rows(numbers.predictions, experiments),
             drives=self._rows(drives, experiments),
         )
+
+    def balance(self, cells: Sequence[Cell]) -> "tuple[LayoutBalance, ...]":
+        """Return what is told of the cells while masked; nothing once the cells themselves are seen."""
+        if self.is_open:
+            return ()
+        of_layouts: dict[tuple[str, str], list[Cell]] = {}
+        for cell in cells:
+            of_layouts.setdefault((cell.experiment, cell.layout), []).append(cell)
+        return tuple(_balance(*place, theirs) for place, theirs in of_layouts.items())
 
     def leaves_out(self, study: Study) -> bool:
         """Tell whether something is left out while masked, because only some arms have it."""
@@ -96,10 +107,11 @@ class Mask:
             named.sort(key=lambda row: (experiments.index(row.experiment), _place(row.kind)))
         return tuple(named)
 
-    def arrangement(self, study: Study, use: CellUse) -> "Arranged":
-        """Return what an arrangement shows where; nothing of that while masked, because all of them tell the kinds."""
-        if not self.is_open:
-            return Arranged(None, (), use)
+    def arrangements(self, study: Study, uses: Iterable[CellUse]) -> "Sequence[Arranged]":
+        """Return what each arrangement shows where; none while masked, because all of them tell the kinds."""
+        return [self._arrangement(study, use) for use in uses] if self.is_open else ()
+
+    def _arrangement(self, study: Study, use: CellUse) -> "Arranged":
         experiment = study.experiment(use.experiment)
         kinds = arrangements(experiment)[use.arrangement]
         order = layout_orders(experiment)[use.layout_order]
@@ -108,16 +120,37 @@ class Mask:
 
 
 @dataclass(frozen=True, slots=True)
+class LayoutBalance:
+    """How evenly the arms of an experiment are spread on one layout, without which is which.
+
+    Attributes:
+        experiment: The experiment's id.
+        layout: The layout's name.
+        fewest_assigned: Of the arm to which fewest people were assigned on this layout.
+        most_assigned: Of the arm to which most were.
+        fewest_done: Of the arm whose trial fewest people have done on this layout.
+        most_done: Of the arm whose trial most have.
+    """
+
+    experiment: str
+    layout: str
+    fewest_assigned: int
+    most_assigned: int
+    fewest_done: int
+    most_done: int
+
+
+@dataclass(frozen=True, slots=True)
 class Arranged:
     """A row of the table of arrangements.
 
     Attributes:
-        name: Arrangement and order of layouts by their numbers, as in the data; None while masked.
-        shown: Layouts with kinds, in the order in which participants see them; empty while masked.
+        name: Arrangement and order of layouts by their numbers, as in the data.
+        shown: Layouts with kinds, in the order in which participants see them.
         use: How often it was given.
     """
 
-    name: str | None
+    name: str
     shown: tuple[tuple[str, str], ...]
     use: CellUse
 
@@ -138,6 +171,11 @@ def _telling_pages(study: Study, experiment: Experiment) -> frozenset[PageKind]:
 def _pages_of(study: Study, experiment: Experiment, kind: Kind) -> frozenset[PageKind]:
     trial = Trial(experiment.id, 1, 1, experiment.layouts[0], kind, 0 if kind == "random" else None)
     return frozenset(page.kind for page in pages(study, (trial,)) if page.trial is not None)
+
+
+def _balance(experiment: str, layout: str, cells: Sequence[Cell]) -> LayoutBalance:
+    assigned, done = [cell.assigned for cell in cells], [cell.done for cell in cells]
+    return LayoutBalance(experiment, layout, min(assigned), max(assigned), min(done), max(done))
 
 
 def _drives_in_every_arm(experiment: Experiment) -> bool:

@@ -18,17 +18,18 @@ from webapp.views.services import services
 NOTHING = "\N{EN DASH}"
 """What stands for a number that there is not."""
 
-NUM_LATEST = 25
+NUM_LATEST = 12
 """How many people the overview lists."""
 
 
 @bp.get("/")
 def overview() -> ResponseReturnValue:
     """Show the numbers."""
-    numbers = look().numbers()
+    numbers, balance = look().numbers_and_balance()
     return render_template(
         "researcher/overview.html",
         numbers=numbers,
+        balance=balance,
         people=latest_people(),
         marks=marks,
         pages=PAGES,
@@ -45,10 +46,11 @@ def overview() -> ResponseReturnValue:
 @bp.get("/status.json")
 def status() -> ResponseReturnValue:
     """Send the live numbers to the open dashboard; results are not among them, and arms are masked as on the page."""
-    numbers = look().numbers()
+    numbers, balance = look().numbers_and_balance()
     return jsonify(
         counts=asdict(numbers.counts),
         cells=[asdict(cell) for cell in numbers.cells],
+        layouts=[asdict(layout) for layout in balance],
         funnel=funnel_rows(numbers.funnel),
         participants=[line_as_json(line) for line in latest_people().lines],
         num_elsewhere=numbers.num_elsewhere,

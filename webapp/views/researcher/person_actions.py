@@ -15,7 +15,7 @@ from webapp.study.corrections import Asked
 from webapp.study.session import Page, pages
 from webapp.views.researcher.door import NotConfirmedError, bp, confirm_password, requires, researcher
 from webapp.views.researcher.frame import look, look_at_person
-from webapp.views.researcher.person_page import find_or_404, show_person
+from webapp.views.researcher.person_page import find_or_404, sees_pictures, show_person
 from webapp.views.services import services
 
 _MAX_QUOTED = 12
@@ -52,7 +52,7 @@ def include_person(code: str) -> ResponseReturnValue:
     here = services()
     return _do(
         code,
-        "exclude",
+        "include",
         "included",
         lambda: people.include(here.database, code, _said("reason"), researcher().name, here.clock()),
     )
@@ -108,7 +108,7 @@ def make_link(code: str) -> ResponseReturnValue:
     here = services()
     find_or_404(code)
     try:
-        token = helping.make_link(here.database, code, researcher().name, here.clock())
+        token = helping.make_link(here.database, code, _said("reason"), researcher().name, here.clock())
     except PersonError as error:
         return show_person(code, ("link", str(error))), 422
     return show_person(code, link=url_for("arrival.resume", token=token, _external=True))
@@ -143,10 +143,10 @@ def erase_person(code: str) -> ResponseReturnValue:
     try:
         _confirm_code(code)
         confirm_password()
-        erase(here.database, code, researcher().name, here.clock())
+        is_gone = erase(here.database, code, researcher().name, here.clock())
     except (NotConfirmedError, PersonError) as error:
         return _erase_page(code, str(error)), 422
-    return redirect(url_for(".people", done="erased"), code=303)
+    return redirect(url_for(".people", done="erased" if is_gone else "erased_for_now"), code=303)
 
 
 def _do(code: str, form: str, done: str, action: Callable[[], None]) -> ResponseReturnValue:
@@ -189,6 +189,9 @@ def _page_of(person: Participant, said: str) -> Page:
 
 def _correction(person: Participant) -> Correction:
     file, _, place = _said("place").partition("|")
+    if file and file != "answers" and not sees_pictures(person):
+        # Even a refusal would tell: that an item was not asked, or what actions there are.
+        raise PersonError("while arms are masked only answers can be corrected; look at what this person saw first")
     number, _, question = place.partition("|")
     if not (number and question):
         raise PersonError("choose the value that is to be corrected")

@@ -1,6 +1,6 @@
 """The page of one participant: where they are, what happened, what they saw and answered, what was decided."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -8,14 +8,15 @@ from typing import Any
 from flask import abort, render_template, request
 from flask.typing import ResponseReturnValue
 
-from webapp.storage.live_person_numbers import GivenDrive, GivenRating, PersonNumbers
-from webapp.storage.participants import Participant
+from webapp.storage.live_person_numbers import PersonNumbers
+from webapp.storage.participants import Participant, find_trials
 from webapp.storage.people import MAX_REASON_LENGTH, PersonError, find_person
 from webapp.storage.timeline import TimelineEntry, timeline
 from webapp.storage.unblinding import is_person_unblinded
+from webapp.study.experiments import Item
+from webapp.study.session import pages
 from webapp.views.researcher.door import bp, researcher
 from webapp.views.researcher.frame import look, look_at_person
-from webapp.views.researcher.mask import asks_every_arm
 from webapp.views.researcher.person_pictures import shown_to
 from webapp.views.researcher.sentences import sentence
 from webapp.views.researcher.words import PAGES, STATES, flag_words, seconds_words
@@ -79,14 +80,14 @@ def show_person(code: str, problem: tuple[str, str] | None = None, link: str | N
     if told is None:
         abort(404)
     practice, shown = shown_to(known) if sees else ((), ())
+    happened = timeline(here.database, code)
     return render_template(
         "researcher/person.html",
         person=known,
         told=told,
         state=STATES[told.line.state],
-        moments=_moments(timeline(here.database, code), sees=sees),
-        drives=_drives(told, sees=sees),
-        ratings=_ratings(told, sees=sees),
+        moments=_moments(happened, () if sees else _pages_of_trials(known), sees=sees),
+        released={entry.page for entry in happened if entry.action == "page_released"},
         correctables=_correctables(told, sees=sees),
         sees=sees,
         practice=practice,
@@ -120,11 +121,22 @@ def page_name(kind: str, trial: int | None, *, sees: bool) -> str:
     return PAGES[kind] if sees or trial is None else "Page of a trial"
 
 
-def _moments(entries: Sequence[TimelineEntry], *, sees: bool) -> Sequence[Moment]:
-    """Put entries into words; the actions of a drive that follow one another become one line."""
+def _pages_of_trials(known: Participant) -> frozenset[int]:
+    planned = pages(look().study, find_trials(services().database, known))
+    return frozenset(page.number for page in planned if page.trial is not None)
+
+
+def _moments(entries: Sequence[TimelineEntry], hidden: Collection[int], *, sees: bool) -> Sequence[Moment]:
+    """Put entries into words; the actions of a drive that follow one another become one line.
+
+    Args:
+        entries: What happened.
+        hidden: The pages on which nothing is told of how the agent was steered.
+        sees: Whether pages of trials have names.
+    """
     moments: list[Moment] = []
     drive: list[TimelineEntry] = []
-    for entry in (*entries, None):
+    for entry in (*(entry for entry in entries if _is_told(entry, hidden)), None):
         if entry is not None and entry.action == "acted" and (not drive or drive[0].page == entry.page):
             drive.append(entry)
             continue
@@ -136,8 +148,15 @@ def _moments(entries: Sequence[TimelineEntry], *, sees: bool) -> Sequence[Moment
     return moments
 
 
+def _is_told(entry: TimelineEntry, hidden: Collection[int]) -> bool:
+    """Leave out what is hidden, and the empty page that a release stores, because the release itself is told."""
+    if entry.action == "acted":
+        return entry.page not in hidden
+    return entry.action != "sent" or entry.actor in _OF_PEOPLE
+
+
 def _moment(entry: TimelineEntry, *, sees: bool) -> Moment:
-    words = sentence(entry.action, entry.page, entry.part, entry.detail)
+    words = sentence(entry.action, entry.page, entry.part, entry.detail, sees=sees)
     if entry.action == "sent" and entry.page_kind is not None and (sees or entry.page_kind in _BEFORE_TRIALS):
         words = f"{words}: {PAGES[entry.page_kind].lower()}"
     return Moment(entry.number, entry.at, entry.actor, words, entry.actor not in _OF_PEOPLE, entry.away)
@@ -153,34 +172,22 @@ def _drive_moment(drive: Sequence[TimelineEntry]) -> Moment:
 _BEFORE_TRIALS = frozenset({"background", "instructions", "practice", "quiz"})
 
 
-def _drives(told: PersonNumbers, *, sees: bool) -> Sequence[GivenDrive]:
-    """Return the drives; while blind none before an explanation, which only some arms have."""
-    return [drive for drive in told.drives if sees or drive.phase != "before"]
-
-
-def _ratings(told: PersonNumbers, *, sees: bool) -> Sequence[GivenRating]:
-    """Return the ratings; while blind only those of items that every arm is asked."""
-    experiments = {trial.number: look().study.experiment(trial.experiment) for trial in told.trials}
-    return [given for given in told.ratings if sees or asks_every_arm(experiments[given.trial], given.item)]
-
-
 def _correctables(told: PersonNumbers, *, sees: bool) -> Sequence[Correctable]:
+    """Return what can be corrected; while blind answers alone, because what was asked in trials tells their kinds."""
     latest: dict[tuple[int, str], Any] = {(answer.page, answer.question): answer for answer in told.answers}
     found = [
         Correctable(f"answers|{page}|{question}", f"Page {page}, {question.replace('_', ' ')}: {answer.answer}")
         for (page, question), answer in latest.items()
     ]
-    found += [
-        Correctable(
-            f"ratings|{given.page}|{given.item}", f"Page {given.page}, {given.item.replace('_', ' ')}: {given.rating}"
-        )
-        for given in _ratings(told, sees=sees)
-    ]
-    found += [
-        Correctable(
-            f"probes|{given.page}|{given.question}",
-            f"Page {given.page}, prediction {given.question}: {given.predicted}",
-        )
-        for given in told.predictions
-    ]
+    if not sees:
+        return found
+    experiments = {trial.number: look().study.experiment(trial.experiment) for trial in told.trials}
+    for given in told.ratings:
+        asked = (*experiments[given.trial].items, Item(id=given.item))  # One of the satisfaction scale is in no study.
+        points = next(item.points for item in asked if item.id == given.item)
+        where = f"Page {given.page}, trial {given.trial}, {given.item.replace('_', ' ')} (1 to {points})"
+        found.append(Correctable(f"ratings|{given.page}|{given.item}", f"{where}: {given.rating}"))
+    for guess in told.predictions:
+        where = f"Page {guess.page}, trial {guess.trial}, prediction {guess.question}"
+        found.append(Correctable(f"probes|{guess.page}|{guess.question}", f"{where}: {guess.predicted}"))
     return found

@@ -6,6 +6,7 @@ from operator import attrgetter
 from flask import redirect, render_template, request, url_for
 from flask.typing import ResponseReturnValue
 
+from webapp.storage.dashboard import num_corrections
 from webapp.storage.live_outcomes import DriveSummary, PredictionSummary, Share
 from webapp.storage.people import MAX_REASON_LENGTH, PersonError
 from webapp.storage.unblinding import unblind
@@ -21,6 +22,7 @@ def results() -> ResponseReturnValue:
     return render_template(
         "researcher/results.html",
         numbers=look().numbers(),
+        num_corrections=num_corrections(services().database, look().scope),
         scale=scale_axis,
         shares=SHARES,
         gains=GAINS,

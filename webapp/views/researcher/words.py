@@ -84,7 +84,9 @@ def p_words(p_value: float) -> str:
 
 
 def seconds_words(seconds: float) -> str:
-    """Return a duration such as `4.2 s`, `1 min 05 s` or `2 h 10 min`."""
+    """Return a duration such as `350 ms`, `4.2 s`, `1 min 05 s` or `2 h 10 min`."""
+    if round(seconds * 1000) < 1000:  # noqa: PLR2004 - milliseconds of a second
+        return f"{seconds * 1000:.0f} ms"
     if round(seconds) < 60:  # noqa: PLR2004 - seconds of a minute
         return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"  # noqa: PLR2004 - for people
     minutes, rest = divmod(round(seconds), 60)
