@@ -307,7 +307,7 @@ def test_declared_rules_are_told_with_whom_they_flag_and_exclude_nobody(driving:
     visitor = researcher_of(driving)
     page = visitor.get("/researcher/quality").text
     assert table_rows(page, "rule")["straight_lining"][1:] == ["1", "1"]
-    assert "finished the study in less than 600 minutes" in page
+    assert "finished the study in less than 600 min" in page
     assert f'href="/researcher/people/{person.code}"' in page
     assert "never a reason by itself" in page
     assert "Nobody is excluded" in page

@@ -80,7 +80,7 @@ def test_nobody_is_judged_by_what_is_not_known_yet() -> None:
 
 def test_rules_read_with_their_limits() -> None:
     words = [rule_words(ALL, rule) for rule in RULES]
-    assert words[0] == "finished the study in less than 3 minutes"
+    assert words[0] == "finished the study in less than 3 min"
     assert words[3] == "failed attention checks: 2 or more"
     assert len(set(words)) == len(RULES)
 
