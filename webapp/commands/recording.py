@@ -1,6 +1,7 @@
 """`xar verify-log`, `xar study replay`: proofs that nothing was changed; `xar erase`: the wish to be forgotten."""
 
 import os
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 
 import click
@@ -19,27 +20,14 @@ def verify_log(head: str | None, *, as_json: bool) -> None:
 
     with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
         found = verify(database, known=_head(head))
-    if as_json:
-        show_json(
-            {
-                "records": found.head.number,
-                "head": found.head.hash,
-                "erased": found.num_erased,
-                "unvouched_participants": found.num_unvouched,
-                "problems": list(found.problems),
-            }
-        )
-    else:
-        for problem in found.problems:
-            click.echo(problem, err=True)
-        click.echo(f"Records: {found.head.number}, head {found.head.hash}")
-        if found.num_erased:
-            click.echo(f"About people who were erased, so that only the chain can be checked: {found.num_erased}")
-        if found.num_unvouched:
-            click.echo(f"Participants from before the log was kept, for whom it does not vouch: {found.num_unvouched}")
-        click.echo("Something was changed." if found.problems else "Everything is as it was recorded.")
-    if found.problems:
-        raise click.exceptions.Exit(1)
+    told = {"records": found.head.number, "head": found.head.hash, "erased": found.num_erased}
+    lines = [f"Records: {found.head.number}, head {found.head.hash}"]
+    if found.num_erased:
+        lines.append(f"About people who were erased, so that only the chain can be checked: {found.num_erased}")
+    if found.num_unvouched:
+        lines.append(f"Participants from before the log was kept, for whom it does not vouch: {found.num_unvouched}")
+    lines.append("Something was changed." if found.problems else "Everything is as it was recorded.")
+    _tell(told | {"unvouched_participants": found.num_unvouched}, lines, found.problems, as_json=as_json)
 
 
 @click.command()
@@ -52,24 +40,13 @@ def replay(*, as_json: bool) -> None:
 
     with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
         found = draw_again(database)
-    if as_json:
-        show_json(
-            {
-                "allocations": found.num_allocations,
-                "from_before_the_ledger": found.num_before,
-                "problems": list(found.problems),
-            }
-        )
-    else:
-        for problem in found.problems:
-            click.echo(problem, err=True)
-        again = found.num_allocations - found.num_before
-        click.echo(f"Allocations: {found.num_allocations}; drawn again from their words and the counts before: {again}")
-        if found.num_before:
-            click.echo(f"From before the ledger, counted and not drawn again: {found.num_before}")
-        click.echo("The ledger does not add up." if found.problems else "Every assignment is reproduced.")
-    if found.problems:
-        raise click.exceptions.Exit(1)
+    again = found.num_allocations - found.num_before
+    lines = [f"Allocations: {found.num_allocations}; drawn again from their words and the counts before: {again}"]
+    if found.num_before:
+        lines.append(f"From before the ledger, counted and not drawn again: {found.num_before}")
+    lines.append("The ledger does not add up." if found.problems else "Every assignment is reproduced.")
+    told = {"allocations": found.num_allocations, "from_before_the_ledger": found.num_before}
+    _tell(told, lines, found.problems, as_json=as_json)
 
 
 @click.command()
@@ -94,6 +71,19 @@ def erase(code: str, *, yes: bool) -> None:
     click.echo(f"Participant {code!r} is erased. Delete their rows from files that were exported before.")
     if not is_gone:
         click.echo("The database was in use: the last traces leave the disk when the server is stopped or restarted.")
+
+
+def _tell(told: Mapping[str, object], lines: Sequence[str], problems: Sequence[str], *, as_json: bool) -> None:
+    """Say what a proof found, to a program or to a person, and exit with 1 if it failed."""
+    if as_json:
+        show_json({**told, "problems": list(problems)})
+    else:
+        for problem in problems:
+            click.echo(problem, err=True)
+        for line in lines:
+            click.echo(line)
+    if problems:
+        raise click.exceptions.Exit(1)
 
 
 def _head(text: str | None) -> tuple[int, str] | None:

@@ -4,13 +4,13 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any, cast
+from typing import Any
 
 from sqlalchemy import Row, func, select
 
 from webapp.storage.database import Database
 from webapp.storage.people import Exclusion, exclusion_states
-from webapp.storage.records import Action, Head, head, told_by
+from webapp.storage.records import Action, Head, head
 from webapp.storage.scope import Mode, Scope
 from webapp.storage.tables import participants, record_contents, records
 
@@ -80,13 +80,6 @@ def head_of_log(database: Database) -> Head:
     """Return the end of the log."""
     with database.read() as connection:
         return head(connection)
-
-
-def unblinded_at(database: Database, account: str, scope: Scope) -> datetime | None:
-    """Return since when an account sees which arm is which; None while it does not."""
-    with database.read() as connection:
-        told = told_by(connection, "unblinded", scope=scope)
-        return next((cast("datetime", at) for _, at, actor, *_ in told if actor == account), None)
 
 
 def excluded_people(database: Database, scope: Scope) -> tuple[tuple[str, Exclusion], ...]:

@@ -15,7 +15,7 @@ from typing import Any, Literal
 from sqlalchemy import Connection, insert, select
 
 from webapp.storage.scope import Scope
-from webapp.storage.tables import participants, record_contents, records
+from webapp.storage.tables import record_contents, records
 
 Action = Literal[
     "consented",
@@ -163,18 +163,6 @@ def head(connection: Connection) -> Head:
     query = select(records.c.number, records.c.hash).order_by(records.c.number.desc()).limit(1)
     row = connection.execute(query).one_or_none()
     return Head(0, FIRST_HASH) if row is None else Head(*row)
-
-
-def subject_of(connection: Connection, participant_id: int) -> Subject:
-    """Return what records need to know of a participant."""
-    query = select(participants.c.id, participants.c.code, participants.c.salt)
-    return Subject(*connection.execute(query.where(participants.c.id == participant_id)).one())
-
-
-def scope_of(connection: Connection, participant_id: int) -> Scope:
-    """Return to which data a participant belongs."""
-    query = select(participants.c.study, participants.c.study_version, participants.c.mode)
-    return Scope(*connection.execute(query.where(participants.c.id == participant_id)).one())
 
 
 def told_by(connection: Connection, *actions: Action, scope: Scope | None = None) -> Iterator[tuple[Any, ...]]:

@@ -5,6 +5,7 @@ import hashlib
 import hmac
 from collections.abc import Mapping
 from datetime import datetime
+from typing import cast
 
 from sqlalchemy import select
 
@@ -17,10 +18,11 @@ from webapp.storage.tables import records
 from webapp.study.protocol import Study
 
 
-def is_unblinded(database: Database, account: str, scope: Scope) -> bool:
-    """Tell whether an account sees which arm is which."""
+def unblinded_at(database: Database, account: str, scope: Scope) -> datetime | None:
+    """Return since when an account sees which arm is which; None while it does not."""
     with database.read() as connection:
-        return any(actor == account for _, _, actor, *_ in told_by(connection, "unblinded", scope=scope))
+        told = told_by(connection, "unblinded", scope=scope)
+        return next((cast("datetime", at) for _, at, actor, *_ in told if actor == account), None)
 
 
 def unblind(database: Database, account: str, scope: Scope, reason: str, now: datetime) -> None:

@@ -78,7 +78,8 @@ def test_an_own_kind_is_told_what_the_built_in_ones_know(tmp_path: Path) -> None
         "    assert task.layout == 'experiment1-a' and task.world.actions[0] == 'forward'\n"
         "    return task.subgoals[:1]"
     )
-    plan_and_build(study_with(body, tmp_path), tmp_path / "instance")
+    built = plan_and_build(study_with(body, tmp_path), tmp_path / "instance")
+    assert len(shown(built.catalogue)) == 2
 
 
 @pytest.mark.parametrize("array", ["world.next_state", "world.terminal", "world.goal", "policy", "importance"])

@@ -3,12 +3,13 @@
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 
-from sqlalchemy import Connection, Table, insert
+from sqlalchemy import Connection, Table, insert, select
 
 from tests.web.bundles import read_study
 from webapp.storage.database import Database
 from webapp.storage.people import Correction, correct, exclude, include
-from webapp.storage.records import SYSTEM, Entry, append, scope_of, subject_of
+from webapp.storage.records import SYSTEM, Entry, Subject, append
+from webapp.storage.scope import Scope
 from webapp.storage.tables import (
     answers,
     arrangements,
@@ -225,3 +226,13 @@ def _decide(database: Database) -> None:
 
 def _insert(connection: Connection, table: Table, participant: int, rows: Sequence[_Row]) -> None:
     connection.execute(insert(table), [{"participant_id": participant, **row} for row in rows])
+
+
+def subject_of(connection: Connection, participant_id: int) -> Subject:
+    query = select(participants.c.id, participants.c.code, participants.c.salt)
+    return Subject(*connection.execute(query.where(participants.c.id == participant_id)).one())
+
+
+def scope_of(connection: Connection, participant_id: int) -> Scope:
+    query = select(participants.c.study, participants.c.study_version, participants.c.mode)
+    return Scope(*connection.execute(query.where(participants.c.id == participant_id)).one())

@@ -32,9 +32,9 @@ from webapp.storage.unblinding import (
     arm_labels,
     has_looked,
     is_person_unblinded,
-    is_unblinded,
     unblind,
     unblind_person,
+    unblinded_at,
 )
 from webapp.storage.verification import verify_log
 from webapp.study.answers import Answer, DriveStep, PageContent
@@ -238,9 +238,9 @@ def test_a_timeline_tells_everything_in_order(database: Database) -> None:
 def test_unblinding_is_per_account_and_data_and_is_recorded(database: Database) -> None:
     live = Scope(STUDY.name, "v1", "live")
     unblind(database, "boss", SCOPE, "the analysis begins", NOW)
-    assert is_unblinded(database, "boss", SCOPE)
-    assert not is_unblinded(database, "assistant", SCOPE)
-    assert not is_unblinded(database, "boss", live)
+    assert unblinded_at(database, "boss", SCOPE) == NOW
+    assert unblinded_at(database, "assistant", SCOPE) is None
+    assert unblinded_at(database, "boss", live) is None
     with pytest.raises(PersonError, match="the reason is missing"):
         unblind(database, "assistant", SCOPE, " ", NOW)
     person, other = enrol_somebody(database), enrol_somebody(database)

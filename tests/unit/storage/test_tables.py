@@ -7,10 +7,10 @@ from typing import Literal
 import pytest
 from sqlalchemy import Table
 
-from tests.unit.storage.rows import START, write_rows
+from tests.unit.storage.rows import START, subject_of, write_rows
 from webapp.storage.database import Database
 from webapp.storage.erasure import erase
-from webapp.storage.records import Entry, append, subject_of
+from webapp.storage.records import Entry, append
 from webapp.storage.schema import metadata
 from webapp.storage.tables import ANSWER_TABLES, participant_tokens, record_contents
 

@@ -7,12 +7,12 @@ from typing import Any, get_args
 from flask import abort, g, request
 
 from webapp.stimuli.catalogue import Catalogue
-from webapp.storage.dashboard import PresentScope, head_of_log, scopes_present, unblinded_at
+from webapp.storage.dashboard import PresentScope, head_of_log, scopes_present
 from webapp.storage.live_numbers import Numbers
 from webapp.storage.participants import Participant
 from webapp.storage.records import Head
 from webapp.storage.scope import Mode, Scope
-from webapp.storage.unblinding import arm_labels, has_looked
+from webapp.storage.unblinding import arm_labels, has_looked, unblinded_at
 from webapp.study.protocol import Study
 from webapp.views.researcher.door import bp, researcher
 from webapp.views.researcher.mask import LayoutBalance, Mask
