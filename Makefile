@@ -13,7 +13,7 @@ FREE_PORT := import socket; free = lambda port: socket.socket().connect_ex(("127
 	print(next(filter(free, range(8000, 8100)), 8000))
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check format bench soak lock install install-browser clean
+.PHONY: help run test check format bench soak golden lock install install-browser clean
 
 help:  ## List the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -39,12 +39,15 @@ format: install  ## Format the Python files and mend what can be mended
 	$(BIN)/ruff format .
 
 bench: install  ## Time what the documentation promises
-	@status=0; for part in promises exact_importance batched_sampling reachability scale pictures pages dashboard dashboard_pages exports learning_runs sweeps; do \
+	@status=0; for part in promises exact_importance batched_sampling reachability scale pictures pages dashboard dashboard_pages exports ordinal analysis power rehearsal learning_runs sweeps; do \
 		echo "== $$part"; $(BIN)/python -m tests.benchmarks.$$part || status=1; done; exit $$status
 
 soak: install install-browser  ## Many participants at once, then every way of taking part, against what is stored
 	$(BIN)/python -m tests.benchmarks.soak
 	$(BIN)/python -m tests.benchmarks.every_way
+
+golden: install  ## Compute the analysis's golden numbers anew where R is installed, and compare
+	$(BIN)/python -m tests.golden.analysis.recompute
 
 lock: install  ## Compile constraints.txt anew from pyproject.toml
 	$(BIN)/uv pip compile --quiet --upgrade --python-version 3.11 --extra test --extra dev --extra dask \

@@ -6,11 +6,14 @@ import click
 
 from webapp.command_line import OneLineErrors, refusals
 from webapp.commands.administering import admin
+from webapp.commands.analysing import analyse
 from webapp.commands.botting import bots
 from webapp.commands.comparing import compare
 from webapp.commands.explaining import explain
 from webapp.commands.exporting import export, reconcile, recruits
+from webapp.commands.powering import power
 from webapp.commands.recording import erase, replay, verify_log
+from webapp.commands.rehearsing import rehearse
 from webapp.commands.simulating import simulate
 from webapp.commands.studying import study, study_refusals
 
@@ -70,6 +73,9 @@ main.add_command(study)
 main.add_command(explain)
 main.add_command(compare)
 main.add_command(simulate)
+main.add_command(power)
+main.add_command(rehearse)
 main.add_command(export)
+main.add_command(analyse)
 main.add_command(recruits)
 main.add_command(reconcile)

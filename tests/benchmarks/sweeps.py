@@ -12,8 +12,8 @@ import time
 from pathlib import Path
 from types import ModuleType
 
+from webapp.runs.run_folders import open_run
 from webapp.simulations import count, usefulness
-from webapp.simulations.run_folders import open_run
 from webapp.simulations.schedulers import Scheduler
 
 PROMISED_MINUTES = 15.0

@@ -12,6 +12,7 @@ import json
 import shutil
 import struct
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -44,10 +45,11 @@ def read_study(**changes: object) -> Study:
     return study.model_copy(update=changes)
 
 
-def write_bundle(instance: Path, study: Study) -> str:
+def write_bundle(instance: Path, study: Study, sources: Mapping[str, bytes] | None = None) -> str:
     """Write a bundle and let it be the current and the published one; return its version.
 
-    The picture of a state has the state's number, and the words `View <number>.`.
+    The picture of a state has the state's number, and the words `View <number>.`. Sources are the frozen files of the
+    study's folder.
     """
     bundles = instance / "bundles"
     draft = bundles / "draft"
@@ -70,6 +72,9 @@ def write_bundle(instance: Path, study: Study) -> str:
         (draft / "tables" / f"{layout}.json").write_text(json.dumps(_table(study)), encoding="utf-8")
     manifest = {"study": study.name, "program": running_program().to_json()}
     (draft / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    for name, source in (sources or {}).items():
+        (draft / "sources" / "study" / name).parent.mkdir(parents=True, exist_ok=True)
+        (draft / "sources" / "study" / name).write_bytes(source)
     version = bundle_version(draft)
     if (bundles / version).exists():
         shutil.rmtree(draft)

@@ -4,21 +4,18 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from webapp.command_line import CommandError, show
+from webapp.commands.runs import Finish, opened_run
 
 if TYPE_CHECKING:
-    from webapp.simulations.run_folders import RunFolder
-
-_INTERRUPTED = 130
-"""The exit status of a program that Ctrl-C ended."""
+    from webapp.runs.run_folders import RunFolder
 
 
 @click.group()
@@ -167,54 +164,13 @@ def _with_layout(settings: Any, options: Mapping[str, Any]) -> Any:  # noqa: ANN
     return replace(settings, **changes)
 
 
-@contextmanager
 def _opened(
     name: str, preset: str, settings: Mapping[str, object], options: Mapping[str, Any]
-) -> Iterator[tuple["RunFolder", Callable[[Mapping[str, bytes], Mapping[str, object]], None]]]:
-    """Open the run's folder; what finishes it gets its files and what else shall stand in `run.json`."""
-    from webapp.simulations import provenance
-    from webapp.simulations.run_folders import check_run_name, open_run
-
-    known = {"experiment": name, "settings": settings, "code": provenance.code_fingerprint()}
+) -> AbstractContextManager[tuple["RunFolder", Finish]]:
     given = options["run_name"]
-    run_name = check_run_name(_default_name(preset, settings) if given is None else given)
-    begun = datetime.now(UTC)
-    with _terminated_like_ctrl_c(), open_run(options["out"] / "simulations" / name / run_name, known) as folder:
-
-        def finish(files: Mapping[str, bytes], more: Mapping[str, object]) -> None:
-            now = datetime.now(UTC)
-            about = {
-                "command": provenance.command_line(),
-                "commit": provenance.commit(),
-                "finished_at": now.isoformat(timespec="seconds"),
-                "seconds_of_last_session": round((now - begun).total_seconds(), 1),
-                "versions": provenance.versions(),
-                "machine": provenance.machine(),
-                **({"rows_made_by": folder.all_makers} if folder.makers else {}),
-                **more,
-            }
-            folder.complete(files, about)
-
-        try:
-            yield folder, finish
-        except KeyboardInterrupt:
-            kept = sum(len(rows) for rows in folder.finished.values())
-            click.echo(
-                f"\nStopped. {kept} runs are kept in {folder.path}; the same command goes on from there.", err=True
-            )
-            raise click.exceptions.Exit(_INTERRUPTED) from None
-
-
-@contextmanager
-def _terminated_like_ctrl_c() -> Iterator[None]:
-    """End a run that is told to terminate as Ctrl-C ends it, its workers included."""
-    import signal
-
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    known = {"experiment": name, "settings": settings}
+    run_name = _default_name(preset, settings) if given is None else given
+    return opened_run(f"simulations/{name}", run_name, known, options["out"])
 
 
 def _default_name(preset: str, settings: Mapping[str, object]) -> str:

@@ -10,10 +10,10 @@ from itertools import pairwise
 
 import pandas as pd
 
+from webapp.runs.run_folders import RunFolder
 from webapp.simulations.claims import Claim
 from webapp.simulations.conditions import Condition, Variant
 from webapp.simulations.learning_report import report_files
-from webapp.simulations.run_folders import RunFolder
 from webapp.simulations.schedulers import Scheduler
 from webapp.simulations.settings import QUICK, SweepSettings
 from webapp.simulations.sub_rewards import add_subgoal, keeps_shortest_path

@@ -5,12 +5,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import pandas as pd
 
+from webapp.runs.markdown import table
 from webapp.simulations.conceptual import MOST_RANDOM_STEPS
 from webapp.simulations.importance_claims import NOT_COMPARED, steps_text
 from webapp.simulations.importance_figures import IMPORTANCE_NAMES
 from webapp.simulations.importance_rows import ESTIMATORS, Series, every_series
 from webapp.simulations.importance_settings import ImportanceSettings
-from webapp.simulations.markdown import table
 
 _CONCEPT_STEPS = (1, 2, 3, MOST_RANDOM_STEPS)
 _LEAST_ERROR = 0.5

@@ -4,8 +4,8 @@ from typing import Any
 
 import pandas as pd
 
+from webapp.runs.markdown import table
 from webapp.simulations.claims import LEVEL, PAPER_RUNS, few_runs_note
-from webapp.simulations.markdown import table
 from webapp.simulations.settings import SweepSettings
 
 _TITLES = {

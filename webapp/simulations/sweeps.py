@@ -7,9 +7,9 @@ import pandas as pd
 from webapp.explainer.learning.fresh_agents import FreshAgent, Outcome, learn
 from webapp.explainer.learning.fresh_settings import FreshSettings
 from webapp.explainer.worlds.layout import parse_layout
+from webapp.runs.provenance import code_fingerprint, maker_of_rows
+from webapp.runs.run_folders import Row, RunFolder
 from webapp.simulations.conditions import Condition, PlannedRun, planned_runs, units
-from webapp.simulations.provenance import code_fingerprint, maker_of_rows
-from webapp.simulations.run_folders import Row, RunFolder
 from webapp.simulations.schedulers import Scheduler, work_off
 from webapp.simulations.settings import SweepSettings
 

@@ -20,10 +20,10 @@ from webapp.explainer.selectors import (
     landmarks_by_fact,
 )
 from webapp.explainer.solvers import distances_to_goal
+from webapp.runs.run_folders import RunFolder
 from webapp.simulations.claims import Claim
 from webapp.simulations.conditions import Condition, Variant
 from webapp.simulations.learning_report import report_files
-from webapp.simulations.run_folders import RunFolder
 from webapp.simulations.schedulers import Scheduler
 from webapp.simulations.settings import QUICK, SweepSettings
 from webapp.simulations.sub_rewards import keeps_shortest_path

@@ -16,7 +16,7 @@ _AGENTS = {
     "learned": "The arms are those of the built bundle.",
     "planner": "The arms are those of agents that know the world exactly: the study was not built since it changed.",
 }
-
+_UNKNOWN = "Required participants: not computed for this design and plan; run `xar power STUDY`."
 
 _HEADINGS: Mapping[Measure, str] = {
     "pictures": "shown",
@@ -42,6 +42,7 @@ def render_check(check: Check) -> RenderableType:
         f"About {duration.median:.0f} minutes, by arrangement {duration.shortest:.1f} to {duration.longest:.1f}.",
         f"Assumed: {assumptions}.",
         f"Every arrangement is used equally often after each {check.full_round} participants.",
+        _UNKNOWN if check.required is None else str(check.required),
     ]
     parts: list[RenderableType] = [part for report in check.arms for part in _experiment(report)]
     notes = [Text(f"Note: {note}") for note in check.notes]

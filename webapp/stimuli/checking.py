@@ -21,8 +21,10 @@ from webapp.stimuli.frozen_files import check_plan
 from webapp.stimuli.learned import learned_agents, setting_problems
 from webapp.stimuli.publication import MANIFEST
 from webapp.stimuli.sources import read_sources
+from webapp.study.analysis_plan import plan_of
 from webapp.study.problems import StudyError, located
 from webapp.study.protocol import Study, parse_study
+from webapp.study.required_sample import RequiredSamples, design_digest, read_required
 from webapp.study.sections import Quality
 from webapp.study.texts import parse_texts
 
@@ -38,6 +40,7 @@ class Check:
         arms: Per experiment.
         duration: How long participants need.
         full_round: How many participants use every arrangement equally often.
+        required: How many the planned analysis needs; None if that was not computed for this design and plan.
         notes: What to think about, in words; nothing of it keeps the study from running as a test.
     """
 
@@ -46,6 +49,7 @@ class Check:
     arms: tuple[ArmReport, ...]
     duration: Duration
     full_round: int
+    required: RequiredSamples | None
     notes: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
@@ -58,6 +62,7 @@ class Check:
             ],
             "minutes": asdict(self.duration),
             "full_round": self.full_round,
+            "required_participants": None if self.required is None else asdict(self.required),
             "notes": list(self.notes),
         }
 
@@ -78,19 +83,20 @@ def check_study(folder: Path, instance: Path, today: date, agents: AgentProvider
     _read(folder)
     built = find_built(folder, instance, agents)
     if built is not None:
-        return _check(built, "learned", today)
+        return _check(built, "learned", today, instance)
     with tempfile.TemporaryDirectory(prefix="xar-check-") as scratch:
         version = build(folder, Path(scratch), lambda *_: None, planner_agents).catalogue.version
-        return _check(Path(scratch) / "bundles" / version, "planner", today)
+        return _check(Path(scratch) / "bundles" / version, "planner", today, instance)
 
 
-def _check(bundle: Path, agents: Literal["learned", "planner"], today: date) -> Check:
+def _check(bundle: Path, agents: Literal["learned", "planner"], today: date, instance: Path) -> Check:
     catalogue = Catalogue.open(bundle)
     study = catalogue.study
     report: Sequence[Mapping[str, Any]] = json.loads((bundle / MANIFEST).read_text(encoding="utf-8"))["report"]
     arms, duration = compare_arms(catalogue, bundle, report), expected_duration(catalogue)
     notes = (*_before_live(study, today), *_of_arms(study, arms), *_of_rules(study, duration))
-    return Check(study, agents, arms, duration, full_round(study), notes)
+    required = read_required(instance, design_digest(study, plan_of(study)))
+    return Check(study, agents, arms, duration, full_round(study), required, notes)
 
 
 def _read(folder: Path) -> None:
@@ -177,8 +183,10 @@ def _before_live(study: Study, today: date) -> Iterator[str]:
         yield f"retention_until is {study.retention_until}, which is not in the future"
     if study.quality == Quality():
         yield "no exclusion rules are declared; declare them in [quality] before there are data"
-    if study.analysis is None:
-        yield "no planned analysis is frozen with the study; name its file in [analysis]"
+    if study.analysis is None or not study.analysis.contrasts:
+        yield "no comparisons are planned; declare them in [analysis] before there are data"
+    if study.analysis is None or study.analysis.plan is None:
+        yield "no planned analysis in words is frozen with the study; name its file in [analysis]"
     for language in study.languages:
         if study.validation(language) == "unvalidated":
             yield f"{language}: rating items are an unvalidated translation; [translations.{language}] cites one"

@@ -85,7 +85,7 @@ def check_plan(folder: Path, study: Study) -> None:
     Raises:
         StudyError: It is missing or no text.
     """
-    if study.analysis is None:
+    if study.analysis is None or study.analysis.plan is None:
         return
     file = folder / study.analysis.plan
     try:
@@ -95,7 +95,7 @@ def check_plan(folder: Path, study: Study) -> None:
     except (OSError, UnicodeDecodeError) as error:
         raise StudyError([f"{file}: cannot be read as UTF-8 text: {error}"]) from None
     if not text.strip():
-        raise StudyError([f"{file}: is empty; write down the planned analysis, or leave [analysis] out"])
+        raise StudyError([f"{file}: is empty; write down the planned analysis, or leave analysis.plan out"])
 
 
 def _entries(folder: Path) -> Iterator[tuple[Path, os.stat_result]]:

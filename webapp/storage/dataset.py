@@ -28,6 +28,7 @@ from webapp.storage.csv_files import Counting, Written, write_table
 from webapp.storage.database import Database
 from webapp.storage.dataset_description import Covered, describe, variables_measured
 from webapp.storage.dataset_readme import readme
+from webapp.storage.declared_files import declared_files
 from webapp.storage.exports import FILE_NAMES, ExportError, columns_of, write_csv
 from webapp.storage.records import COMMAND_LINE, Entry, append, head
 from webapp.storage.scope import Mode, Scope
@@ -38,7 +39,7 @@ from webapp.storage.wanted import Wanted
 MANIFEST_FORMAT = 1
 """Raised when the manifest's form changes."""
 
-_NOT_PSYCH_DS = "spreadsheet/\nconsort.csv\nconsort.json\nconsort.svg\nmanifest.json\n"
+_NOT_PSYCH_DS = "spreadsheet/\nstudies/\nconsort.csv\nconsort.json\nconsort.svg\nmanifest.json\n"
 """What Psych-DS has no rules for; its validator looks for this list in a file of its own."""
 
 
@@ -142,6 +143,7 @@ def write_dataset(connection: Connection, place: Place, wanted: Wanted, now: dat
         path = f"{data_name(name).removesuffix('.csv')}.json"
         written[path] = _write_json(place, path, sidecar)
     written |= _write_flow(connection, place, wanted)
+    written |= {path: _write_bytes(place, path, content) for path, content in declared_files(covered, wanted)}
     by_path = {data_name(name): found for name, found in columns.items()}
     written["dataset_description.json"] = _write_json(
         place, "dataset_description.json", describe(covered, by_path, bundles, now)
@@ -207,9 +209,13 @@ def _write_json(place: Place, name: str, content: object) -> Written:
 
 
 def _write_text(place: Place, name: str, text: str) -> Written:
+    return _write_bytes(place, name, text.encode())
+
+
+def _write_bytes(place: Place, name: str, content: bytes) -> Written:
     with place.open(name) as file:
         counting = Counting(file)
-        counting.write(text.encode())
+        counting.write(content)
         return counting.written()
 
 
@@ -224,7 +230,7 @@ class _Folder:
     @contextmanager
     def open(self, name: str) -> Iterator[IO[bytes]]:
         path = self._folder / name
-        path.parent.mkdir(exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("xb") as file:
             yield file
             file.flush()

@@ -27,6 +27,8 @@ data/                      The data, exactly as stored; read these with a progra
   description-quality_data.csv        the declared exclusion rules, judged for everybody
 spreadsheet/               The same tables to look at in a spreadsheet: with a byte order mark, and an apostrophe before
                            texts that would be run as formulas. Do not compute from these.
+studies/                   For each version: its study file and its planned analysis in words, exactly as they were
+                           frozen before the data. Versions whose bundle is gone have none.
 consort.svg, .csv, .json   The flow of participants, as a figure, a table and for programs.
 manifest.json              Rows, bytes and SHA-256 of every file; the head of the log at that moment; versions.
 

@@ -12,7 +12,9 @@ from webapp.study.experiments import KEY_POINT_KINDS, SATISFACTION_ITEMS, TAILOR
 from webapp.study.idle_rules import idle_rules
 from webapp.study.learning_settings import LearningSettings
 from webapp.study.own_parts import own_part_problems
+from webapp.study.planned_analysis import plan_problems
 from webapp.study.sections import (
+    AnalysisPlan,
     AttentionCheck,
     Background,
     Consent,
@@ -60,6 +62,7 @@ def contradictions(tree: Mapping[str, Any]) -> Iterator[_Problem]:
         yield from _attention_checks(tree, known)
         yield from _arms(tree, known)
         yield from _quality(tree, known)
+        yield from _plan(tree, known)
 
 
 def _within(experiment: Experiment, layouts: Sequence[str]) -> Iterator[_Problem]:
@@ -227,6 +230,13 @@ def _quality(tree: Mapping[str, Any], experiments: Sequence[Experiment]) -> Iter
         has_quiz="quiz" in tree,
         is_recruited="recruitment" in tree,
     )
+
+
+def _plan(tree: Mapping[str, Any], experiments: Sequence[Experiment]) -> Iterator[_Problem]:
+    plan = _valid(AnalysisPlan, tree.get("analysis"))
+    if plan is not None and len({experiment.id for experiment in experiments}) == len(experiments):
+        own_kinds = tree.get("kinds")
+        yield from plan_problems(plan, experiments, own_kinds if isinstance(own_kinds, dict) else ())
 
 
 def _repeated(path: Sequence[str | int], values: Sequence[str | None], key: str | None = None) -> Iterator[_Problem]:

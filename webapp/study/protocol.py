@@ -65,7 +65,7 @@ class Study(Declared):
         behaviour_log: Present if it is logged how participants look at the pictures.
         ask: Present if the page `/ask` is open.
         quality: The declared exclusion rules.
-        analysis: The planned analysis, None if none is frozen with the study.
+        analysis: The planned analysis, None if none is declared.
         quota: How many people take part at most, those under way included; None for no limit.
         lease_minutes: After so long without a sign of life a participant's place goes to somebody else.
         kinds: Kinds of explanation of its own, by name.

@@ -221,11 +221,37 @@ class Quality(Declared):
     incomplete: bool = False
 
 
+class PlannedContrast(Declared):
+    """Two kinds of explanation of one experiment, which the analysis compares.
+
+    Attributes:
+        experiment: The experiment's id.
+        first: The kind that is expected to be rated higher, or to be as good as the other.
+        second: The kind that it is compared with; estimates are `first` minus `second`.
+    """
+
+    experiment: Name
+    first: Name
+    second: Name
+
+
 class AnalysisPlan(Declared):
     """The planned analysis, frozen with the study when it is published.
 
+    What is left out is filled in by `study.analysis_plan`, in one way for the check, the power and the report.
+
     Attributes:
-        plan: A file in the study's folder; its text becomes part of the bundle.
+        plan: A file in the study's folder; its text becomes part of the bundle. None for no such file.
+        contrasts: The comparisons of the one family that is tested; empty if none are declared.
+        equivalences: The pairs that are tested for being as good as each other; empty if none are declared.
+        items: The items that are tested; empty for all of an experiment.
+        alpha: The level of the family.
+        equivalence_margin: Within how many points of a rating two kinds are as good as each other; None if undeclared.
     """
 
-    plan: Annotated[str, AfterValidator(_file_name)]
+    plan: Annotated[str, AfterValidator(_file_name)] | None = None
+    contrasts: Annotated[tuple[PlannedContrast, ...], *declared_list(0)] = ()
+    equivalences: Annotated[tuple[PlannedContrast, ...], *declared_list(0)] = ()
+    items: Annotated[tuple[Name, ...], *declared_list(0)] = ()
+    alpha: Annotated[float, Field(gt=0, le=0.2)] = 0.05
+    equivalence_margin: Annotated[float, Field(gt=0, le=10)] | None = None

@@ -9,10 +9,10 @@ from typing import Any
 import pandas as pd
 import pytest
 
+from webapp.runs.run_folders import RunFolder, open_run
 from webapp.simulations import count, sweeps, usefulness
 from webapp.simulations.claims import Claim, compare_groups
 from webapp.simulations.conditions import Condition
-from webapp.simulations.run_folders import RunFolder, open_run
 from webapp.simulations.schedulers import Scheduler
 from webapp.simulations.settings import QUICK, SweepSettings
 from webapp.simulations.sweeps import COLUMNS, sweep

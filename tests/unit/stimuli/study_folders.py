@@ -105,6 +105,14 @@ def change(file: Path, before: str, after: str) -> None:
     file.write_text(text.replace(before, after), encoding="utf-8")
 
 
+def without_plan(study: Path) -> None:
+    """Take the planned comparisons away from a study, whose kinds are then free to change."""
+    file = study / "study.toml"
+    text, count = re.subn(r"\[analysis\].*?\n\n", "", file.read_text("utf-8"), flags=re.DOTALL)
+    assert count == 1
+    file.write_text(text, encoding="utf-8")
+
+
 def quietly(*_: object) -> None:
     """Take a report of progress and do nothing."""
 

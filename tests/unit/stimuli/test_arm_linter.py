@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.unit.stimuli.study_folders import change, copy_study, plan_and_build, study_of_all_kinds
+from tests.unit.stimuli.study_folders import change, copy_study, plan_and_build, study_of_all_kinds, without_plan
 from webapp.explainer.fidelity import fidelities
 from webapp.explainer.solvers import follow, plan
 from webapp.explainer.worlds.key_door import tabulate
@@ -125,6 +125,7 @@ def test_a_tailored_kind_is_warned_about_because_people_of_one_arm_see_unequally
 
 def test_a_single_kind_is_compared_with_nothing(tmp_path: Path) -> None:
     study = copy_study(tmp_path)
+    without_plan(study)
     change(study / "study.toml", 'kinds = ["full", "subgoals", "random"]', 'kinds = ["full"]')
     version = plan_and_build(study, tmp_path / "instance").catalogue.version
     assert compare(tmp_path / "instance" / "bundles" / version)["1"].confounds == ()

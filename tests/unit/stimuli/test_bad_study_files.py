@@ -175,12 +175,23 @@ SETTINGS: list[Mistake] = [
         "recruitment.completed.code: is 'a b'; use 3 to 64 letters, digits, - and _",
     ),
     (
-        "[ask]",
-        '[analysis]\n@plan = "../plan.md"',
+        '# plan = "analysis_plan.md"',
+        '@plan = "../plan.md"',
         f"analysis.plan: is '../plan.md'; {BESIDE}",
     ),
     # Something is missing or empty.
-    ("[ask]", "@[analysis]", "analysis.plan: is missing"),
+    (
+        'contrasts = [\n    { experiment = "1", first = "subgoals", second = "placebic" },',
+        '@contrasts = [\n    { experiment = "1", first = "subgoals" },',
+        "analysis.contrasts[1].second: is missing",
+    ),
+    ("# alpha = 0.05", "@alpha = 0.5", "analysis.alpha: is 0.5; use 0.2 or less"),
+    ("# alpha = 0.05", '@alpha = "5 %"', "analysis.alpha: is '5 %'; use a number, without quotes"),
+    (
+        "# alpha = 0.05",
+        "@aplha = 0.05",
+        "analysis.aplha: is not a setting here; did you mean 'alpha'?",
+    ),
     ('languages = ["en", "ja"]', "@languages = []", "languages: is empty; list at least one"),
     ('[practice]\nlayout = "practice"', "@[practice]", "practice.layout: is missing"),
     # Settings that do not go together.
@@ -217,8 +228,8 @@ SETTINGS: list[Mistake] = [
     ),
     (
         '"placebic", "none"]',
-        '@"placebic", "all_key_points"]',
-        "experiments[1].kinds[6]: is 'all_key_points', which answers a question; declare [experiments.question]",
+        '@"placebic", "none", "all_key_points"]',
+        "experiments[1].kinds[7]: is 'all_key_points', which answers a question; declare [experiments.question]",
     ),
     (
         "[ask]",

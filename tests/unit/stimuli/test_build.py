@@ -16,6 +16,7 @@ from tests.unit.stimuli.study_folders import (
     set_texts,
     small_study,
     study_of_all_kinds,
+    without_plan,
 )
 from tests.worlds import LAYOUTS, reachable_states
 from webapp.explainer.worlds.view import View, egocentric_view
@@ -156,7 +157,7 @@ def test_a_bundle_holds_every_file_that_it_was_built_from(small: Path, tmp_path:
     ("content", "problem"),
     [
         (None, "is missing; analysis.plan names it"),
-        ("\n", "is empty; write down the planned analysis, or leave [analysis] out"),
+        ("\n", "is empty; write down the planned analysis, or leave analysis.plan out"),
     ],
 )
 def test_an_analysis_plan_that_cannot_be_frozen_is_refused(
@@ -232,6 +233,7 @@ def test_a_study_of_all_kinds_builds_to_the_same_bytes_twice(tmp_path: Path) -> 
 
 def test_random_pairs_after_a_video_are_drawn_from_what_lies_ahead(tmp_path: Path) -> None:
     study = copy_study(tmp_path)
+    without_plan(study)
     change(study / "study.toml", '["all_key_points", "first_key_point"]', '["random", "first_key_point"]')
     bundle = plan_and_build(study, tmp_path / "instance").catalogue
     for layout in ("experiment2-a", "experiment2-b"):

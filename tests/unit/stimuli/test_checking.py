@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.unit.stimuli.study_folders import change, copy_study, files_of, plan_and_build
+from tests.unit.stimuli.study_folders import change, copy_study, files_of, plan_and_build, without_plan
 from webapp.stimuli.agents import planner_agents
 from webapp.stimuli.checking import Check, check_study
 from webapp.stimuli.sources import STUDIES
@@ -59,7 +59,7 @@ def test_what_is_missing_before_data_are_collected_is_noted(folder: Path) -> Non
     assert check(folder).notes == (
         "before `xar serve --live`, fill in contact, ethics_approval, retention_until",
         "no exclusion rules are declared; declare them in [quality] before there are data",
-        "no planned analysis is frozen with the study; name its file in [analysis]",
+        "no planned analysis in words is frozen with the study; name its file in [analysis]",
         "ja: rating items are an unvalidated translation; [translations.ja] cites one",
     )
 
@@ -70,7 +70,8 @@ def test_a_study_with_all_of_that_has_nothing_to_note(folder: Path) -> None:
     change(file, '"<name of the ethics committee and number of the approval>"', '"Committee, 1"')
     change(file, '"<date, such as 2030-12-31>"', '"2030-12-31"')
     change(file, 'languages = ["en", "ja"]', 'languages = ["en"]')
-    declare(folder, '[quality]\nstraight_lining = true\n[analysis]\nplan = "plan.md"')
+    declare(folder, "[quality]\nstraight_lining = true")
+    change(file, '# plan = "analysis_plan.md"', 'plan = "plan.md"')
     (folder / "plan.md").write_text("A t-test.", encoding="utf-8")
     assert check(folder).notes == ()
     change(file, '"2030-12-31"', '"2026-11-27"')
@@ -99,7 +100,9 @@ def test_a_quota_that_leaves_a_round_unfinished_is_noted(quota: int, note: int |
 
 
 def test_a_single_kind_is_noted(folder: Path) -> None:
+    without_plan(folder)
     change(folder / "study.toml", 'kinds = ["full", "subgoals", "random"]', 'kinds = ["full"]')
+    assert "no comparisons are planned; declare them in [analysis] before there are data" in check(folder).notes
     assert "experiment '1' has a single kind, so nothing is compared within it" in check(folder).notes
 
 
@@ -131,7 +134,7 @@ def test_a_study_file_that_is_no_toml_is_told_alone(folder: Path) -> None:
 
 
 def test_a_missing_plan_is_told_together_with_missing_texts(folder: Path) -> None:
-    declare(folder, '[analysis]\nplan = "plan.md"')
+    change(folder / "study.toml", '# plan = "analysis_plan.md"', 'plan = "plan.md"')
     (folder / "texts" / "ja.toml").unlink()
     assert problems_of(folder) == ["texts/ja.toml: is missing", "plan.md: is missing; analysis.plan names it"]
 

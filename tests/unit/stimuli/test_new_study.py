@@ -47,13 +47,28 @@ def test_every_section_that_the_papers_study_leaves_out_can_be_taken_in(tmp_path
     used, _, left_out = text.partition("# What follows is not used here.")
     sections = _uncommented(left_out)
     tree = tomllib.loads(sections)
-    assert {"quality", "analysis", "background", "practice", "quiz", "recruitment", "kinds", "worlds"} <= tree.keys()
+    assert {"quality", "background", "practice", "quiz", "recruitment", "kinds", "worlds"} <= tree.keys()
     without_worlds = re.sub(r"\[worlds\.lake\].*?(?=\n\[)", "", sections, flags=re.DOTALL)
     study = parse_study(used.replace("# quota = 60", "quota = 60") + without_worlds)
     assert (study.quota, len(study.experiments), len(study.attention_checks)) == (60, 3, 2)
     lake = re.findall(r"\[worlds\.lake\].*?(?=\n\[)", sections, flags=re.DOTALL)
     named = used.replace('"simulation",', '"simulation", "lake",').replace("\n[ask]\n", "\n")
     assert parse_study(named + lake[0]).worlds["lake"].actions == ("left", "down", "right", "up")
+
+
+@pytest.mark.parametrize("template", TEMPLATES)
+def test_what_the_planned_analysis_leaves_out_can_be_taken_in(template: str, tmp_path: Path) -> None:
+    text = (write_study("mine", template, tmp_path) / "study.toml").read_text(encoding="utf-8")
+    settings = r"^# (?=(equivalences|equivalence_margin|alpha|items|plan) = )"
+    before, analysis, after = re.split(r"(\[analysis\].*?\n\n)", text, maxsplit=1, flags=re.DOTALL)
+    declared = parse_study(f"{before}{re.sub(settings, '', analysis, flags=re.MULTILINE)}{after}").analysis
+    assert declared is not None
+    left_out = parse_study(text)
+    assert (declared.plan, declared.alpha, declared.equivalence_margin) == ("analysis_plan.md", 0.05, 0.5)
+    assert declared.items == tuple(item.id for item in left_out.experiments[0].items)
+    assert declared.equivalences
+    assert left_out.analysis is not None
+    assert (left_out.analysis.plan, left_out.analysis.items) == (None, ())
 
 
 def test_nothing_is_overwritten(tmp_path: Path) -> None:

@@ -46,4 +46,4 @@ def test_every_rule_that_could_mark_nobody_is_told() -> None:
 
 def test_the_papers_study_declares_no_rules_no_quota_and_the_default_lease() -> None:
     study = parse_study(SHIPPED.read_text(encoding="utf-8"))
-    assert (study.quality, study.quota, study.lease_minutes, study.analysis) == (Quality(), None, 60, None)
+    assert (study.quality, study.quota, study.lease_minutes) == (Quality(), None, 60)

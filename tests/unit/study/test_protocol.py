@@ -1,4 +1,5 @@
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -238,5 +239,6 @@ def test_items_of_no_explanation_are_those_that_say_so(full_study: Study) -> Non
 
 def test_kinds_and_layouts_need_not_be_equal_in_number() -> None:
     for kinds in ('"full"]', '"full", "subgoals", "random", "highlights", "landmarks", "evenly_spaced"]'):
-        study = parse_study(TEXT.replace('"full", "subgoals", "random"]', kinds, 1))
+        text = re.sub(r"\[analysis\].*?\n\n", "", TEXT, count=1, flags=re.DOTALL)
+        study = parse_study(text.replace('"full", "subgoals", "random"]', kinds, 1))
         assert len(study.experiments[0].kinds) != len(study.experiments[0].layouts)

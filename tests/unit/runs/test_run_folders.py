@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from webapp.simulations.run_folders import RunFolderError, check_run_name, open_run
+from webapp.runs.run_folders import RunFolderError, check_run_name, open_run
 
 SETTINGS = {"seed": 1, "learning": {"rate": 0.5, "units": 64}}
 ROWS = [{"run_id": "a", "episodes": 3, "first_goal": None}]

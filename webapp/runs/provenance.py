@@ -9,15 +9,18 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-PACKAGES = ("xar", "torch", "numpy", "scipy", "pandas", "gymnasium", "minigrid", "joblib", "matplotlib")
+PACKAGES = (
+    *("xar", "torch", "numpy", "scipy", "statsmodels", "pandas"),
+    *("gymnasium", "minigrid", "joblib", "matplotlib"),
+)
 _SOURCE = Path(__file__).resolve().parents[1]
 
 
 @cache
 def code_fingerprint() -> str:
-    """Return the hash of all code that a run's rows depend on: the explainer's, the analysis's and the simulations'."""
+    """Return the hash of all code that a run's rows depend on."""
     digest = hashlib.sha256()
-    for package in ("analysis", "explainer", "simulations"):
+    for package in ("analysis", "bots", "explainer", "power", "rehearsal", "simulations", "study"):
         for file in sorted((_SOURCE / package).rglob("*.py")):
             digest.update(f"{file.relative_to(_SOURCE).as_posix()}\0".encode())
             digest.update(file.read_bytes())

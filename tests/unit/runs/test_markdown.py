@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from webapp.simulations.markdown import table
+from webapp.runs.markdown import table
 
 
 def cells_of(line: str) -> list[str]:

@@ -4,7 +4,7 @@ import re
 import subprocess
 
 from tests.conftest import ROOT
-from webapp.simulations import provenance
+from webapp.runs import provenance
 
 
 def test_the_commit_is_the_checkout_s_and_says_whether_the_code_differs_from_it() -> None:

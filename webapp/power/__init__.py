@@ -1,0 +1,1 @@
+"""How many participants the planned analysis needs, found by simulating the declared design."""
