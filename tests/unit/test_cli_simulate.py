@@ -100,7 +100,7 @@ def test_ctrl_c_leaves_a_run_that_the_same_command_completes_to_the_same_bytes(
     _, told = started.communicate(timeout=60)  # It ends only when no worker holds the pipe any more.
     folder = only_run(tmp_path)
     assert started.returncode == 130, told
-    assert "runs are kept in" in told
+    assert "is kept in" in told
     assert "the same command goes on from there" in " ".join(told.split())
     assert "Traceback" not in told
     assert not (folder / "run.json").exists()
