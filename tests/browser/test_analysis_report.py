@@ -69,6 +69,17 @@ def test_on_a_phone_tables_scroll_and_the_page_does_not(page: Page) -> None:
     page.wait_for_function("(region) => region.scrollLeft > 0", arg=wide.element_handle())
 
 
+def test_on_a_phone_the_whole_summary_is_in_sight_answers_first(page: Page) -> None:
+    page.set_viewport_size(PHONE["viewport"])
+    table = page.locator("#table-summary table")
+    assert table.evaluate("(table) => table.getBoundingClientRect().right <= document.documentElement.clientWidth")
+    row = table.locator("tbody tr").first
+    tops = row.locator("th, td").evaluate_all("(cells) => cells.map((cell) => cell.getBoundingClientRect().top)")
+    answer = row.locator("[data-column=answer]").evaluate("(cell) => cell.getBoundingClientRect().top")
+    assert answer == min(tops)
+    assert tops.count(answer) == 1
+
+
 def test_the_contents_lead_to_each_section(page: Page, made: Assembled) -> None:
     links = page.get_by_role("navigation", name="Contents").get_by_role("link")
     assert links.all_inner_texts() == [section.title for section in made.report.sections]

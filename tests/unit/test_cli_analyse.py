@@ -3,10 +3,13 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import click
 import pandas as pd
 import pytest
 from click.testing import CliRunner, Result
@@ -14,6 +17,7 @@ from click.testing import CliRunner, Result
 from tests.conftest import ROOT, XAR
 from tests.unit.reports.exported import VERSION, export_crowd
 from webapp.cli import main
+from webapp.commands.runs import stoppable
 
 PEOPLE = 16
 SEED = 3
@@ -107,7 +111,8 @@ def test_the_run_says_what_was_read_and_what_came_out(export: Path, finished: tu
 def test_incomplete_people_are_analysed_on_demand_and_the_report_says_so(export: Path, tmp_path: Path) -> None:
     result = analyse(export, "--out", tmp_path, "--include-incomplete", "--run", "all")
     assert result.exit_code == 0, result.output
-    assert "16 participants with" in result.stdout
+    assert "15 participants with" in result.stdout
+    assert "left before the first rating (1)" in result.stdout
     assert "--include-incomplete was given" in result.stdout
     assert "--include-incomplete was given" in (tmp_path / "analysis/all/report.html").read_text(encoding="utf-8")
 
@@ -161,3 +166,43 @@ def test_a_quick_verb_loads_nothing_of_the_analysis() -> None:
     code = "import sys, webapp.cli; print({'pandas', 'numpy', 'scipy', 'jinja2', 'matplotlib'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT, capture_output=True, text=True)
     assert done.stdout.strip() == "set()"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("is_begun", [False, True])
+def test_an_analysis_that_is_told_to_stop_says_so_in_a_line_and_leaves_nothing(
+    number: signal.Signals, is_begun: bool, export: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "new" / "results"
+    words = [str(XAR), "analyse", str(export), "--out", str(out)]
+    with subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as running:
+        if is_begun:
+            deadline = time.monotonic() + 60
+            while not list(out.glob("analysis/*/settings.json")):
+                assert time.monotonic() < deadline
+                time.sleep(0.01)
+        else:
+            while "pandas" not in Path(f"/proc/{running.pid}/maps").read_text(encoding="utf-8"):
+                time.sleep(0.01)
+        running.send_signal(number)
+        told, error = running.communicate(timeout=60)
+    assert (running.returncode, told, error.strip()) == (130, "", "Stopped. Nothing was written.")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_folders_that_were_there_before_stay_when_an_analysis_is_stopped(tmp_path: Path) -> None:
+    kept, made = tmp_path / "results" / "analysis" / "kept", tmp_path / "results" / "analysis" / "made"
+    kept.mkdir(parents=True)
+
+    def stop_in(folder: Path, number: signal.Signals) -> None:
+        with stoppable(folder, *folder.parents):
+            folder.mkdir(exist_ok=True)
+            (folder / "settings.json").touch()
+            signal.raise_signal(number)
+
+    for folder, number in ((made, signal.SIGTERM), (kept, signal.SIGINT)):
+        with pytest.raises(click.exceptions.Exit) as stopped:
+            stop_in(folder, number)
+        assert stopped.value.exit_code == 130
+    assert list(kept.parent.iterdir()) == [kept]
+    assert list(kept.iterdir()) == [kept / "settings.json"]

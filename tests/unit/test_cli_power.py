@@ -52,11 +52,34 @@ def test_a_run_tells_what_is_needed_and_where_everything_is(finished: tuple[Path
     assert json.loads((folder / "settings.json").read_text())["settings"]["seed"] == 2021
 
 
-def test_a_complete_run_is_never_overwritten(finished: tuple[Path, Result]) -> None:
-    home, _ = finished
+def test_the_same_command_tells_the_complete_run_again_and_writes_nothing(finished: tuple[Path, Result]) -> None:
+    home, result = finished
+    (folder,) = runs(home)
+    before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}
     again = power(home, *FEW)
+    assert again.exit_code == 0, again.stderr
+    told, _, tables = again.stdout.partition("\n\n")
+    assert told == "The complete run of these settings is there already, and this is what it found."
+    assert tables == result.stdout
+    assert {path: path.stat().st_mtime_ns for path in folder.iterdir()} == before
+
+
+def test_a_run_of_other_settings_is_never_overwritten(finished: tuple[Path, Result]) -> None:
+    home, _ = finished
+    (folder,) = runs(home)
+    other = power(home, *FEW, "--seed", "5", "--run", folder.name)
+    assert other.exit_code == 2
+    assert "is never overwritten; give another --run" in other.stderr
+
+
+def test_a_complete_run_whose_tables_were_changed_is_refused_in_one_line(tmp_path: Path) -> None:
+    assert power(tmp_path, *FEW).exit_code == 0
+    (folder,) = runs(tmp_path)
+    (folder / "required.csv").write_text("experiment,items\n1,general\n", encoding="utf-8")
+    again = power(tmp_path, *FEW)
     assert again.exit_code == 2
-    assert "is never overwritten; give another --run" in again.stderr
+    assert again.stderr.endswith("were changed after the run; give another --run\n")
+    assert again.stderr.count("\n") == 1
 
 
 def test_more_workers_give_the_same_bytes(finished: tuple[Path, Result]) -> None:
@@ -90,10 +113,12 @@ def test_a_check_tells_what_is_needed_until_the_plan_changes(tmp_path: Path) -> 
     ("words", "message"),
     [
         (("nowhere",), "there is no study 'nowhere'"),
-        (("--effects", "small"), "'small' is no list of numbers"),
+        (("--effects", "small"), "'--effects': 'small' is no list of numbers; write such as 0.3,0.5,0.8"),
+        (("--participants", "a"), "'--participants': 'a' is no list of numbers; write such as 10,20,40"),
         (("--effects", "0"), "effects must lie from 0.01 to 5, not at 0"),
         (("--participants", "1,5"), "participants must lie from 2"),
-        (("--studies", "1"), "num_studies must be 2 or larger"),
+        (("--studies", "1"), "'--studies': 1 is not in the range x>=2"),
+        (("--seed", "-1"), "'--seed': -1 is not in the range x>=0"),
         (("--sd", "1"), "from 0 to below 1, not 1"),
         (("--power", "1.5"), "the power must lie between 0 and 1"),
         (("--run", "no/such"), "a run is named by"),

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy import special, stats
 
 from webapp.analysis.censoring import Undefined
+from webapp.analysis.independent_columns import independent
 from webapp.analysis.ordinal_mixed import OrdinalFit, fit_ordinal
 
 Floats = NDArray[np.float64]
@@ -23,7 +24,7 @@ _LARGEST = 15.0
 """A log odds ratio beyond this is one that runs off to infinity."""
 
 _NUM_NODES = 31
-_Z = float(stats.norm.ppf(0.975))
+_UPPER = 0.975
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,28 +35,35 @@ class Ratio:
         value: Above 0; 1 is no difference.
         low: Lower end of its 95 % Wald interval on the log scale.
         high: Upper end.
-        z: The statistic.
+        t: The log ratio over its standard error.
+        df: Of Student's t, to which the statistic is held.
         p_value: Two-sided.
     """
 
     value: float
     low: float
     high: float
-    z: float
+    t: float
+    df: int
     p_value: float
 
     @classmethod
-    def of(cls, estimate: float, standard_error: float) -> "Ratio":
+    def of(cls, estimate: float, standard_error: float, df: int) -> "Ratio":
         """Make one from a log ratio.
+
+        Args:
+            estimate: The log ratio.
+            standard_error: Of it.
+            df: At least 1. With few people the normal distribution, which large samples allow, errs too often.
 
         Raises:
             Undefined: The standard error is 0, not finite, or so large that nothing is known.
         """
         if not 0 < standard_error < _LARGEST * 2 or abs(estimate) > _LARGEST:
             raise Undefined(f"a log ratio of {estimate:.3g} with standard error {standard_error:.3g} is without bound")
-        z = estimate / standard_error
-        low, high = (math.exp(estimate + side * _Z * standard_error) for side in (-1, 1))
-        return cls(math.exp(estimate), low, high, z, min(1.0, 2 * float(stats.norm.sf(abs(z)))))
+        t, reach = estimate / standard_error, float(stats.t.ppf(_UPPER, df)) * standard_error
+        low, high = math.exp(estimate - reach), math.exp(estimate + reach)
+        return cls(math.exp(estimate), low, high, t, df, min(1.0, 2 * float(stats.t.sf(abs(t), df))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +91,7 @@ class BinaryFit:
         kinds: The kinds that are compared, the first one being the reference.
         num_right: How many outcomes are yes.
         left_out: Levels left out because every outcome is the same there, such as `kind=full: all 12 yes`.
+        is_between: `[P]`, of each column whether nobody has two values of it, so that it compares people.
     """
 
     fit: OrdinalFit
@@ -90,6 +99,7 @@ class BinaryFit:
     kinds: tuple[str, ...]
     num_right: int
     left_out: tuple[str, ...]
+    is_between: tuple[bool, ...]
 
     def odds_ratio(self, first: str, second: str) -> Ratio:
         """Return the odds of one kind over those of another, of the same person.
@@ -97,7 +107,7 @@ class BinaryFit:
         Raises:
             Undefined: A kind is not in the model, or the ratio is without bound.
         """
-        return Ratio.of(*self.fit.estimate(kind_weights(self.columns.names, self.kinds, first, second)))
+        return self._ratio(kind_weights(self.columns.names, self.kinds, first, second))
 
     def effect(self, name: str) -> Ratio:
         """Return the odds ratio of a column, by its name.
@@ -107,12 +117,25 @@ class BinaryFit:
         """
         if name not in self.columns.names:
             raise Undefined(f"{name} is not in the model")
-        return Ratio.of(*self.fit.estimate(np.array([float(other == name) for other in self.columns.names])))
+        return self._ratio(np.array([float(other == name) for other in self.columns.names]))
+
+    def df(self, weights: Floats) -> int:
+        """Return the degrees of freedom of Student's t for a weighted sum of the coefficients, at least 1.
+
+        As in an analysis of variance: within people, outcomes less people less coefficients, as of the planned model;
+        between people, people less those coefficients that compare people less one.
+        """
+        fit, used = self.fit, weights != 0
+        if used.any() and all(between for between, use in zip(self.is_between, used, strict=True) if use):
+            return max(1, fit.num_people - sum(self.is_between) - 1)
+        groups = fit.num_people if fit.has_person_effect else len(fit.thresholds)
+        return max(1, fit.num_ratings - groups - len(fit.coefficients))
 
     def probability(self, kind: str) -> tuple[float, float, float]:
         """Return the average probability of a kind over all rows and persons, with its 95 % interval.
 
-        Everybody's rows are taken as if they had seen this kind; the interval is the delta method's on the logit.
+        Everybody's rows are taken as if they had seen this kind; the interval is the delta method's on the logit,
+        with Student's t for people less one.
 
         Raises:
             Undefined: The kind is not in the model.
@@ -128,9 +151,12 @@ class BinaryFit:
         steps = 1e-5 * np.eye(at.size)
         gradient = np.array([(_average(x, at + step) - _average(x, at - step)) / 2e-5 for step in steps])
         error = math.sqrt(max(0.0, float(gradient @ self.fit.covariance @ gradient))) / (value * (1 - value))
-        centre = float(special.logit(value))
-        low, high = (float(special.expit(centre + side * _Z * error)) for side in (-1, 1))
+        centre, t = float(special.logit(value)), float(stats.t.ppf(_UPPER, self.fit.num_people - 1))
+        low, high = (float(special.expit(centre + side * t * error)) for side in (-1, 1))
         return value, low, high
+
+    def _ratio(self, weights: Floats) -> Ratio:
+        return Ratio.of(*self.fit.estimate(weights), self.df(weights))
 
 
 def fit_binary(
@@ -165,7 +191,9 @@ def fit_binary(
         columns.names,
         link="logit",
     )
-    return BinaryFit(fit, columns, kinds, int(kept["right"].sum()), left_out)
+    values = pd.DataFrame(columns.x).groupby(kept["participant"].to_numpy())
+    is_between = tuple(bool(each) for each in (values.max() == values.min()).all())
+    return BinaryFit(fit, columns, kinds, int(kept["right"].sum()), left_out, is_between)
 
 
 def without_constant_levels(
@@ -203,26 +231,13 @@ def columns_of(
         constant: Whether the model has a constant, which then also determines columns.
     """
     named = [
-        (f"{factor}={level}", (frame[factor] == level).to_numpy(dtype=np.float64))
+        (f"{factor}={level}", factor, (frame[factor] == level).to_numpy(dtype=np.float64))
         for factor in factors
         for level in sorted(frame[factor].unique())[1:]
     ]
-    named += [(number, frame[number].to_numpy(dtype=np.float64)) for number in numbers]
-    kept: list[tuple[str, Floats]] = []
-    aliased = []
-    basis = np.ones((len(frame), 1 if constant else 0)) / math.sqrt(max(1, len(frame)))
-    for name, column in named:
-        # Twice is enough for an orthogonal rest.
-        rest = column - basis @ (basis.T @ column)
-        rest = rest - basis @ (basis.T @ rest)
-        size = float(np.linalg.norm(rest))
-        if size <= 1e-8 * max(1.0, float(np.linalg.norm(column))):
-            aliased.append(name)
-            continue
-        kept.append((name, column))
-        basis = np.column_stack([basis, rest / size])
-    x = np.column_stack([column for _, column in kept]) if kept else np.zeros((len(frame), 0))
-    return Columns(x, tuple(name for name, _ in kept), tuple(aliased))
+    named += [(number, number, frame[number].to_numpy(dtype=np.float64)) for number in numbers]
+    found = independent(named, len(frame), constant=constant)
+    return Columns(found.x, tuple(column.name for column in found.kept), tuple(column.name for column in found.lost))
 
 
 def kind_weights(names: Sequence[str], kinds: Sequence[str], first: str, second: str) -> Floats:

@@ -8,13 +8,14 @@ binary regression.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from webapp.analysis.censoring import Undefined
 from webapp.analysis.links import RESIDUAL_SD, Array, Link
+from webapp.analysis.ordinal_fit import OrdinalFit
 from webapp.analysis.ordinal_likelihood import Evaluation, Problem, evaluate
 
 __all__ = ["Link", "OrdinalFit", "fit_ordinal"]
@@ -22,78 +23,13 @@ __all__ = ["Link", "OrdinalFit", "fit_ordinal"]
 _MOST_STEPS = 200
 _PRECISION = 1e-10
 """The search ends when the next step promises a smaller gain of log-likelihood."""
+_MOST_NODES = 200
+_SETTLED = 1e-6
+"""The quadrature is fine enough when the next finer one promises a smaller gain: no estimate moves by .001 errors."""
 _FAR = 12.0
 """Estimates or errors beyond so many latent standard deviations mean that the likelihood has no maximum nearby."""
 
 _WITHOUT_BOUND = "people differ without bound: each of them gives nearly the same rating every time"
-
-
-@dataclass(frozen=True, slots=True)
-class OrdinalFit:
-    """A fitted cumulative link mixed model with T thresholds and P coefficients.
-
-    Attributes:
-        link: Its link.
-        names: `[P]`, of the covariates.
-        categories: `[T + 1]`, the ratings that occur, in order; others play no part.
-        thresholds: `[T]` (nominal effects: those of one group after the other).
-        coefficients: `[P]`; positive ones raise ratings.
-        sd: Of the random intercepts, at least 0, in the unit of the coefficients.
-        covariance: `[K, K]` of thresholds, coefficients and `sd`, from the observed information.
-        log_likelihood: At the maximum, by quadrature.
-        intercepts: `[N]`, each person's most probable intercept, in the unit of the coefficients; people as sorted.
-        num_ratings: n.
-        num_people: N.
-        has_person_effect: Whether there is a random intercept. Without repeated ratings there is none.
-    """
-
-    link: Link
-    names: tuple[str, ...]
-    categories: tuple[int, ...]
-    thresholds: Array
-    coefficients: Array
-    sd: float
-    covariance: Array
-    log_likelihood: float
-    intercepts: Array
-    num_ratings: int
-    num_people: int
-    has_person_effect: bool
-
-    @property
-    def latent_sd(self) -> float:
-        """The standard deviation of the latent rating over people and within them, in the unit of the coefficients."""
-        return float(np.hypot(RESIDUAL_SD[self.link], self.sd))
-
-    @property
-    def num_parameters(self) -> int:
-        """K, or K - 1 without a random intercept."""
-        return len(self.thresholds) + len(self.coefficients) + self.has_person_effect
-
-    @property
-    def standard_errors(self) -> Array:
-        """`[K]` of thresholds, coefficients and `sd`."""
-        return np.sqrt(np.diag(self.covariance))
-
-    def estimate(self, weights: ArrayLike) -> tuple[float, float]:
-        """Return a linear combination of the coefficients and its standard error; `weights` is `[P]`."""
-        full = self._full(weights)
-        return float(np.asarray(weights, dtype=float) @ self.coefficients), float(
-            np.sqrt(full @ self.covariance @ full)
-        )
-
-    def standardized(self, weights: ArrayLike) -> tuple[float, float]:
-        """Return the same in standard deviations of the latent rating, with its error by the delta method.
-
-        The latent rating varies over people and within them, so this is a difference in the manner of Cohen's d.
-        """
-        value, _ = self.estimate(weights)
-        gradient = self._full(weights) / self.latent_sd
-        gradient[-1] = -value * self.sd / self.latent_sd**3
-        return value / self.latent_sd, float(np.sqrt(gradient @ self.covariance @ gradient))
-
-    def _full(self, weights: ArrayLike) -> Array:
-        return np.concatenate([np.zeros(len(self.thresholds)), np.asarray(weights, dtype=float), [0.0]])
 
 
 def fit_ordinal(
@@ -114,7 +50,8 @@ def fit_ordinal(
         x: `[n, P]` covariates, no constant among them; P may be 0.
         names: `[P]`.
         link: `probit` or `logit`.
-        num_nodes: Of the quadrature, at least 2.
+        num_nodes: Of the quadrature, at least 2. It is made finer until that moves no estimate by a thousandth of
+            its standard error, since people who differ much need more nodes.
         groups: `[n]`, groups that have thresholds of their own each (nominal effects); None for one set.
 
     Raises:
@@ -124,14 +61,22 @@ def fit_ordinal(
     """
     problem, categories = _problem(ratings, people, x, names, link, num_nodes, groups)
     _check_rank(problem, names)
-    at = _maximize(problem, _start(problem, categories), names)
-    return _fit(problem, at, names, categories)
+    parameters, modes = _start(problem, categories), np.zeros(len(problem.starts))
+    while problem.num_nodes <= _MOST_NODES:
+        at = _maximize(problem, parameters, modes, names)
+        parameters, modes = at.parameters, at.evaluation.modes
+        problem = replace(problem, num_nodes=2 * problem.num_nodes)
+        finer = evaluate(problem, parameters, modes)
+        if at.is_settled and finer.gradient @ _ascent(finer) < _SETTLED:
+            return _fit(problem, _Maximum(parameters, finer, is_settled=True), names, categories)
+    raise Undefined(f"the integral over people needs more than {_MOST_NODES} nodes: they differ too much")
 
 
 @dataclass(frozen=True, slots=True)
 class _Maximum:
     parameters: Array
     evaluation: Evaluation
+    is_settled: bool
 
 
 def _problem(
@@ -185,21 +130,37 @@ def _start(problem: Problem, categories: NDArray[np.int64]) -> Array:
     return np.concatenate([np.tile(logits * scale, num_groups), np.zeros(problem.x.shape[1]), [sd]])
 
 
-def _maximize(problem: Problem, parameters: Array, names: Sequence[str]) -> _Maximum:
+def _maximize(problem: Problem, parameters: Array, modes: Array, names: Sequence[str]) -> _Maximum:
     """Climb by Newton's method; where the Hessian is not negative definite it is bent until it is."""
-    found = evaluate(problem, parameters, np.zeros(len(problem.starts)))
+    found = evaluate(problem, parameters, modes)
     for _ in range(_MOST_STEPS):
         step = _ascent(found)
-        if found.gradient @ step < _PRECISION:
-            break
-        taken = _take(problem, parameters, found, step)
+        is_flat = bool(found.gradient @ step < _PRECISION)
+        taken = _leave_saddle(problem, parameters, found) if is_flat else _take(problem, parameters, found, step)
         if taken is None:
-            break
+            # Where a step should lead up and none does, the nodes are too few: value and gradient disagree.
+            return _Maximum(parameters, found, is_settled=is_flat)
         parameters, found = taken
         _check_finite(problem, parameters, names)
-    else:
-        raise Undefined(f"the likelihood of {len(problem.upper)} ratings has no maximum after {_MOST_STEPS} steps")
-    return _Maximum(parameters, found)
+    raise Undefined(f"the likelihood of {len(problem.upper)} ratings has no maximum after {_MOST_STEPS} steps")
+
+
+def _leave_saddle(problem: Problem, parameters: Array, found: Evaluation) -> tuple[Array, Evaluation] | None:
+    """Leave a flat place that is no maximum along the way that bends up most; None if no way does.
+
+    People who do not differ are such a place: the likelihood is the same for both signs of their SD, so its slope is 0
+    there, whether it falls or rises on either side.
+    """
+    values, vectors = np.linalg.eigh(found.hessian)
+    if values[-1] <= 1e-6:  # noqa: PLR2004 - rounding
+        return None
+    for length in (1.0, 0.5, 0.25, 0.1, 0.03, 0.01):
+        ahead = parameters + length * RESIDUAL_SD[problem.link] * vectors[:, -1]
+        if _in_order(problem, ahead):
+            there = evaluate(problem, ahead, found.modes)
+            if there.value > found.value + _PRECISION:
+                return ahead, there
+    return None
 
 
 def _ascent(found: Evaluation) -> Array:
@@ -243,7 +204,7 @@ def _fit(problem: Problem, at: _Maximum, names: Sequence[str], categories: NDArr
     if values.min() <= 1e-7 * min(1.0, values.max()):
         if abs(parameters[-1]) > _FAR / 3 * RESIDUAL_SD[problem.link]:
             raise Undefined(_WITHOUT_BOUND)
-        raise Undefined(f"{len(problem.upper)} ratings of {len(problem.starts)} people do not determine the model")
+        raise Undefined(_undetermined(problem, at.evaluation.hessian, names))
     covariance = np.asarray(np.linalg.inv(-at.evaluation.hessian), dtype=np.float64)
     if not problem.has_person_effect:
         covariance[-1, -1] = 0.0
@@ -269,4 +230,14 @@ def _fit(problem: Problem, at: _Maximum, names: Sequence[str], categories: NDArr
         num_ratings=len(problem.upper),
         num_people=len(problem.starts),
         has_person_effect=problem.has_person_effect,
+        num_nodes=problem.num_nodes,
     )
+
+
+def _undetermined(problem: Problem, hessian: Array, names: Sequence[str]) -> str:
+    """Say which effect may take any value: the one that goes furthest along the way on which the likelihood is flat."""
+    flat = np.abs(np.linalg.eigh(hessian)[1][problem.num_thresholds : -1, -1])
+    told = f"{len(problem.upper)} ratings of {len(problem.starts)} people do not determine the model"
+    if not len(flat) or flat.max() < 0.1:  # noqa: PLR2004 - the thresholds or the SD are to blame
+        return told
+    return f"{told}: the effect of {names[int(flat.argmax())]} has no finite estimate"

@@ -21,7 +21,12 @@ from webapp.analysis.standardized_differences import d_av, d_z
 MOST_EXACT = 25
 """Up to so many people every choice of signs is counted."""
 
-NUM_RESAMPLES = 2_000
+FEWEST_FOR_SHAPE = 8
+"""Skewness of fewer differences says nothing."""
+
+ENOUGH_FOR_T = 30
+"""From so many people on a mean may count as normal, unless differences are skewed."""
+
 _LEVEL = 0.95
 ROUNDING = 1e-9
 
@@ -163,35 +168,6 @@ def signed_rank(differences: ArrayLike) -> SignedRank:
     return SignedRank(given.size, num_zeros, plus, minus, z, min(1.0, p_value), "exact" if is_exact else "normal")
 
 
-def rank_biserial_interval(
-    differences: ArrayLike, rng: np.random.Generator, num_resamples: int = NUM_RESAMPLES
-) -> tuple[float, float]:
-    """Return the 95 % percentile bootstrap interval, over people, of the matched-pairs rank-biserial correlation.
-
-    A resample without any difference counts as 0.
-
-    Args:
-        differences: `[N]`, one per person.
-        rng: Draws the resamples.
-        num_resamples: B.
-
-    Raises:
-        Undefined: There are fewer than two differences.
-    """
-    given = np.round(one_row(differences, least=2), 9)
-    values, counts = np.unique(given, return_counts=True)
-    # Who of those with equal differences is drawn changes nothing, so their numbers are drawn at once.
-    drawn = rng.multinomial(given.size, counts / given.size, size=num_resamples)
-    sizes, which = np.unique(np.abs(values), return_inverse=True)
-    of_size = np.zeros((num_resamples, sizes.size), dtype=np.int64)
-    np.add.at(of_size.T, which, drawn.T)
-    ranks = np.cumsum(of_size, axis=1) - (of_size - 1) / 2
-    weighted = drawn * ranks[:, which]
-    signed, total = weighted @ np.sign(values), weighted @ np.abs(np.sign(values))
-    low, high = np.quantile(np.divide(signed, total, out=np.zeros(num_resamples), where=total > 0), tails())
-    return float(low), float(high)
-
-
 def paired_t(first: ArrayLike, second: ArrayLike) -> PairedT:
     """Test whether the mean difference is 0.
 
@@ -228,6 +204,22 @@ def skewness(differences: ArrayLike) -> float:
     return float(stats.skew(given))
 
 
+def known_skewness(differences: ArrayLike) -> float | None:
+    """Return the skewness, None where it says nothing: of fewer than `FEWEST_FOR_SHAPE`, or if all are equal."""
+    given = one_row(differences, least=0)
+    is_known = given.size >= FEWEST_FOR_SHAPE and np.ptp(given) >= ROUNDING
+    return skewness(given) if is_known else None
+
+
+def is_normal_enough(skew: float, num_people: int) -> bool:
+    """Say whether a two-sided t interval of as many differences holds in spite of their skewness.
+
+    More than 25 times the squared skewness are enough (W. G. Cochran 1977, Sampling Techniques, section 2.15), and some
+    thirty for what the skewness does not tell.
+    """
+    return num_people >= ENOUGH_FOR_T and num_people > 25 * skew * skew
+
+
 def skewness_error(num_people: int) -> float:
     """Return the standard error of the skewness of as many normal differences, at least 3."""
     n = num_people
@@ -259,11 +251,6 @@ def one_row(values: ArrayLike, least: int = 1) -> Floats:
     if given.size < least:
         raise Undefined(f"it takes {least} people or more, not {given.size}")
     return given
-
-
-def tails() -> list[float]:
-    """Return the shares between which a percentile interval lies."""
-    return [(1 - _LEVEL) / 2, (1 + _LEVEL) / 2]
 
 
 def _exact_p(ranks: Floats, plus: float) -> float:

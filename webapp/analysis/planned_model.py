@@ -4,20 +4,21 @@ What cannot be told apart is left out and named. In the paper's design, for exam
 order (Sakai et al. 2021, section 6.1), so position and layout are the same thing.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
 import pandas as pd
 from scipy import stats
 
 from webapp.analysis.censoring import Undefined
 from webapp.analysis.links import Array, Link
 from webapp.analysis.ordinal_mixed import OrdinalFit, fit_ordinal
+from webapp.analysis.planned_covariates import FACTORS, covariates_of, kinds_at_an_end, weights_of_kinds
 
-FACTORS = ("kind", "layout", "position")
 _ALPHA = 0.05
+LEAST_DF = 3
+"""With fewer degrees of freedom there is no interval worth printing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +92,7 @@ class PlannedFit:
         kinds: The kinds, in the order of first appearance in the plan; the first has no covariate of its own.
         kind_weights: Of each kind, its covariates as `[P]` weights.
         aliased: What was left out because it cannot be told from the rest, in words.
+        at_an_end: Kinds that are not in the model because all their ratings lie at one end, each with the reason.
     """
 
     frame: pd.DataFrame
@@ -99,14 +101,18 @@ class PlannedFit:
     kinds: tuple[str, ...]
     kind_weights: dict[str, Array]
     aliased: tuple[str, ...]
+    at_an_end: Mapping[str, str]
 
     def contrast(self, first: str, second: str) -> Effect:
         """Compare two kinds.
 
         Raises:
-            Undefined: One of them is not among the ratings, or is told by layout or position alone.
+            Undefined: One of them is not among the ratings, is told by layout or position alone, or has all its ratings
+                at one end.
         """
         for kind in (first, second):
+            if kind in self.at_an_end:
+                raise Undefined(self.at_an_end[kind])
             if kind not in self.kind_weights:
                 raise Undefined(f"nobody rated the kind {kind}" if kind not in self.kinds else f"{kind} cannot be told")
         weights = self.kind_weights[first] - self.kind_weights[second]
@@ -114,10 +120,8 @@ class PlannedFit:
 
     @property
     def df(self) -> int:
-        """The degrees of freedom within people, at least 1."""
-        fit = self.fit
-        groups = fit.num_people if fit.has_person_effect else len(fit.thresholds)
-        return max(1, fit.num_ratings - groups - len(fit.coefficients))
+        """The degrees of freedom within people, at least `LEAST_DF`."""
+        return _freedom(self.fit)
 
     @cached_property
     def tests(self) -> dict[str, RatioTest | str]:
@@ -141,7 +145,7 @@ class PlannedFit:
     @cached_property
     def x(self) -> Array:
         """`[n, P]`, the covariates."""
-        return _covariates(self.frame, self.kinds)[0]
+        return covariates_of(self.frame, self.kinds)[0]
 
 
 def ratio_test(larger: OrdinalFit, smaller: OrdinalFit) -> RatioTest:
@@ -167,10 +171,25 @@ def fit_planned(
     """
     frame = frame.rename(columns={"trial": "position"})[["participant", *FACTORS, "rating"]].reset_index(drop=True)
     seen = set(frame["kind"])
-    order = tuple(kind for kind in (kinds if kinds is not None else sorted(seen)) if kind in seen)
-    x, names, columns, aliased = _covariates(frame, order)
+    given = tuple(kind for kind in (kinds if kinds is not None else sorted(seen)) if kind in seen)
+    at_an_end = kinds_at_an_end(frame, given) if frame["participant"].nunique() > 1 else {}
+    frame = frame[~frame["kind"].isin(list(at_an_end))].reset_index(drop=True)
+    if at_an_end and frame["rating"].nunique() == 1:
+        raise Undefined("; ".join(at_an_end.values()))
+    order = tuple(kind for kind in given if kind not in at_an_end)
+    x, names, columns, aliased = covariates_of(frame, order)
     fit = fit_ordinal(frame["rating"], frame["participant"], x, names, link=link, num_nodes=num_nodes)
-    return PlannedFit(frame, fit, columns, order, _kind_weights(order, names, columns), aliased)
+    if _freedom(fit) < LEAST_DF:
+        whose = f"{fit.num_ratings} ratings of {fit.num_people} people"
+        raise Undefined(
+            f"{whose} leave {_freedom(fit)} degrees of freedom beside {len(names)} effects, fewer than {LEAST_DF}"
+        )
+    return PlannedFit(frame, fit, columns, order, weights_of_kinds(order, names, columns), aliased, at_an_end)
+
+
+def _freedom(fit: OrdinalFit) -> int:
+    groups = fit.num_people if fit.has_person_effect else len(fit.thresholds)
+    return fit.num_ratings - groups - len(fit.coefficients)
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,62 +244,3 @@ def _full_bins(counts: pd.DataFrame) -> tuple[tuple[int, ...], ...]:
     if pending and bins:
         bins[-1] += pending
     return tuple(bins)
-
-
-def _kind_weights(kinds: Sequence[str], names: Sequence[str], columns: Sequence[str]) -> dict[str, Array]:
-    places = {name.removeprefix("kind "): place for place, name in enumerate(names) if columns[place] == "kind"}
-    weights = {kind: np.zeros(len(names)) for kind in kinds if kind == kinds[0] or kind in places}
-    for kind, place in places.items():
-        weights[kind][place] = 1.0
-    return weights
-
-
-def _covariates(
-    frame: pd.DataFrame, kinds: Sequence[str]
-) -> tuple[Array, tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
-    """Return covariates, their names, their factors, and what was left out; kinds come first, so they stay longest."""
-    kept: list[Array] = []
-    names: list[str] = []
-    columns: list[str] = []
-    lost: dict[str, list[str]] = {}
-    basis = _Basis(np.ones(len(frame)))
-    for factor in FACTORS:
-        levels = list(kinds) if factor == "kind" else sorted(frame[factor].unique())
-        values = frame[factor].to_numpy()
-        for level in levels[1:]:
-            column = (values == level).astype(np.float64)
-            if basis.takes(column):
-                kept.append(column)
-                names.append(f"{factor} {level}")
-                columns.append(factor)
-            else:
-                lost.setdefault(factor, []).append(str(level))
-    aliased = tuple(
-        f"{factor} {', '.join(levels)} cannot be told from {_others(factor)} in this design"
-        for factor, levels in lost.items()
-    )
-    x = np.column_stack(kept) if kept else np.empty((len(frame), 0))
-    return x, tuple(names), tuple(columns), aliased
-
-
-def _others(factor: str) -> str:
-    return {"kind": "the constant", "layout": "the kinds", "position": "kinds and layouts"}[factor]
-
-
-class _Basis:
-    """An orthonormal basis of the columns taken so far."""
-
-    def __init__(self, first: Array) -> None:
-        self._columns = [first / np.linalg.norm(first)]
-
-    def takes(self, column: Array) -> bool:
-        """Take a column unless it is a combination of those that are there."""
-        rest = column.copy()
-        for _ in range(2):  # Once more, for what rounding left over.
-            for known in self._columns:
-                rest = rest - (known @ rest) * known
-        length = float(np.linalg.norm(rest))
-        if length <= 1e-8 * max(1.0, float(np.linalg.norm(column))):
-            return False
-        self._columns.append(rest / length)
-        return True

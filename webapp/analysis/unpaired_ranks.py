@@ -4,15 +4,21 @@ For pairs of kinds that too few people saw both of. Means of the same person wou
 both is left out.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 from webapp.analysis.censoring import Undefined
-from webapp.analysis.paired import NUM_RESAMPLES, ROUNDING, one_row, tails
+from webapp.analysis.paired import ROUNDING, one_row
+
+MOST_DIVISIONS = 10**9
+"""Up to so many divisions of the people into two groups all of them are counted, which takes no time."""
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +30,8 @@ class RankSum:
         num_second: People in the second.
         u: Pairs in which the first is higher, ties counted half.
         p_value: In [0, 1].
-        method: `exact` without ties and up to 8 people in the smaller group, or `normal` corrected for ties.
+        method: `exact` by counting every division of the people into two such groups given the ranks, with ties too,
+            up to `MOST_DIVISIONS`; or `normal`, corrected for ties.
     """
 
     num_first: int
@@ -53,25 +60,27 @@ def rank_sum(first: ArrayLike, second: ArrayLike) -> RankSum:
     together = np.concatenate([one, other])
     if np.ptp(together) < ROUNDING:
         raise Undefined(f"a rank test needs values that vary, and all {together.size} are {together[0]:g}")
-    has_ties = np.unique(together).size < together.size
-    is_exact = not has_ties and min(one.size, other.size) <= 8  # noqa: PLR2004 - as SciPy chooses
-    found = stats.mannwhitneyu(one, other, use_continuity=False, method="exact" if is_exact else "asymptotic")
-    return RankSum(one.size, other.size, float(found.statistic), float(found.pvalue), "exact" if is_exact else "normal")
+    found = stats.mannwhitneyu(one, other, use_continuity=False, method="asymptotic")
+    if math.comb(together.size, one.size) > MOST_DIVISIONS:
+        return RankSum(one.size, other.size, float(found.statistic), float(found.pvalue), "normal")
+    p_value = _exact_p(stats.rankdata(np.round(together, 9)), one.size)
+    return RankSum(one.size, other.size, float(found.statistic), p_value, "exact")
 
 
-def rank_sum_interval(
-    first: ArrayLike, second: ArrayLike, rng: np.random.Generator, num_resamples: int = NUM_RESAMPLES
-) -> tuple[float, float]:
-    """Return the 95 % percentile bootstrap interval of `RankSum.rank_biserial`, each group resampled by itself.
+def _exact_p(ranks: Floats, num_first: int) -> float:
+    """Return the chance, over all divisions, of a rank sum of the first so far from its middle.
 
-    Raises:
-        Undefined: A group has fewer than two people.
+    Args:
+        ranks: Multiples of a half, those of the first group first.
+        num_first: How many they are.
     """
-    (one, num_one), (other, num_other) = (
-        np.unique(one_row(group, least=2), return_counts=True) for group in (first, second)
-    )
-    wins = np.sign(one[:, None] - other[None, :])
-    drawn = [rng.multinomial(num.sum(), num / num.sum(), size=num_resamples) for num in (num_one, num_other)]
-    scores = ((drawn[0] @ wins) * drawn[1]).sum(axis=1) / (num_one.sum() * num_other.sum())
-    low, high = np.quantile(scores, tails())
-    return float(low), float(high)
+    doubled = np.rint(2 * ranks).astype(np.int64)
+    found = int(doubled[:num_first].sum())
+    most = int(np.sort(doubled)[-num_first:].sum())
+    ways = np.zeros((num_first + 1, most + 1))
+    ways[0, 0] = 1.0
+    for rank in doubled:
+        ways[1:, rank:] += ways[:-1, : most + 1 - rank].copy()
+    middle = num_first * (ranks.size + 1)
+    is_far = np.abs(np.arange(most + 1) - middle) >= abs(found - middle)
+    return float(ways[num_first, is_far].sum() / ways[num_first].sum())

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from webapp.command_line import CommandError
+from webapp.commands.runs import stoppable
 
 if TYPE_CHECKING:
     from webapp.reports.analysis import Analysis
@@ -45,20 +46,22 @@ def analyse(
     Who is excluded follows from the study file and from what researchers decided. The same input gives the same bytes.
     A report of the same input that is there already is not made again, and nothing is overwritten.
     """
-    from webapp.reports.analysis import prepare
-    from webapp.reports.writing import REPORT, is_there, name_of_run, write
-    from webapp.runs.run_folders import check_run_name
+    with stoppable():
+        from webapp.reports.analysis import prepare
+        from webapp.reports.writing import REPORT, is_there, name_of_run, write
+        from webapp.runs.run_folders import check_run_name
 
-    with _refusals():
-        analysis = prepare(
-            folder, study, version, mode, include_incomplete=include_incomplete, changed_data_ok=changed_data_ok
-        )
-        data, origin = analysis.data, analysis.origin
-        target = out / "analysis" / check_run_name(name_of_run(data, origin) if run_name is None else run_name)
-        if is_there(target, origin):
-            click.echo(f"The report on these data is there already: {target / REPORT}")
-            return
-        made = write(target, data, origin, analysis.report)
+        with _refusals():
+            analysis = prepare(
+                folder, study, version, mode, include_incomplete=include_incomplete, changed_data_ok=changed_data_ok
+            )
+            data, origin = analysis.data, analysis.origin
+            target = out / "analysis" / check_run_name(name_of_run(data, origin) if run_name is None else run_name)
+            if is_there(target, origin):
+                click.echo(f"The report on these data is there already: {target / REPORT}")
+                return
+            with stoppable(target, *target.parents):
+                made = write(target, data, origin, analysis.report)
     _tell(analysis, made, target / REPORT)
 
 

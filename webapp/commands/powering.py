@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from webapp.command_line import CommandError, show
-from webapp.commands.runs import opened_run, run_name_of, run_refusals
+from webapp.commands.runs import complete_run, opened_run, run_name_of, run_refusals
 
 if TYPE_CHECKING:
     from webapp.power.settings import PowerSettings
@@ -21,8 +21,9 @@ class _Numbers(click.ParamType[tuple[float, ...]]):
 
     name = "numbers"
 
-    def __init__(self, number: Callable[[str], float]) -> None:
+    def __init__(self, number: Callable[[str], float], example: str) -> None:
         self._number = number
+        self._example = example
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:  # noqa: ANN401 - whatever click hands on.
         """Read them."""
@@ -31,25 +32,36 @@ class _Numbers(click.ParamType[tuple[float, ...]]):
         try:
             return tuple(sorted({self._number(part.strip()) for part in value.split(",")}))
         except ValueError:
-            self.fail(f"{value!r} is no list of numbers; write such as 10,20,40", param, ctx)
+            self.fail(f"{value!r} is no list of numbers; write such as {self._example}", param, ctx)
 
 
 @click.command()
 @click.argument("study", required=False, metavar="[STUDY]")
-@click.option("--effects", type=_Numbers(float), default="0.3,0.5,0.8", metavar="D,...", help="Latent differences d.")
+@click.option(
+    "--effects",
+    type=_Numbers(float, "0.3,0.5,0.8"),
+    default="0.3,0.5,0.8",
+    metavar="D,...",
+    help="Latent differences d.",
+)
 @click.option(
     "--participants",
-    type=_Numbers(int),
+    type=_Numbers(int, "10,20,40"),
     default="10,20,30,40,60,80,120,160,240,320,400",
     metavar="N,...",
     help="Numbers of participants.",
 )
 @click.option(
-    "--studies", "num_studies", type=int, default=400, metavar="S", help="Simulated studies for each N and d."
+    "--studies",
+    "num_studies",
+    type=click.IntRange(min=2),
+    default=400,
+    metavar="S",
+    help="Simulated studies for each N and d.",
 )
 @click.option("--sd", "between_sd", type=float, default=0.6, metavar="SD", help="Between people, of 1 in total.")
 @click.option("--power", "wanted", type=float, default=0.8, metavar="P", help="The power that is asked for.")
-@click.option("--seed", type=int, default=2021, metavar="SEED", help="Of all that is drawn.")
+@click.option("--seed", type=click.IntRange(min=0), default=2021, metavar="SEED", help="Of all that is drawn.")
 @click.option("--workers", type=click.IntRange(1, 1024), metavar="W", help="Processes; one per core if not given.")
 @click.option("--run", "run_name", metavar="RUN", help="The run's folder; from study and settings if not given.")
 @click.option(
@@ -64,7 +76,8 @@ def power(study: str | None, *, workers: int | None, run_name: str | None, out: 
 
     STUDY is the name of a declared study, or a folder that holds a study file (XAR_STUDY). Participants are drawn for
     its design, a difference d is planted in the first kind of each planned contrast, and the planned model is fitted.
-    `xar study check` tells the result until the design or the plan changes.
+    `xar study check` tells the result until the design or the plan changes. A run of the same settings that is there
+    already is told again, and nothing is overwritten.
     """
     from webapp.config import read_config
     from webapp.power.console import paper_table, required_table
@@ -127,7 +140,7 @@ def _simulated(
     from webapp.power.design import planned_questions
     from webapp.power.required import power_table, required_table
     from webapp.power.simulation import Levels, simulate
-    from webapp.power.summary import files_of
+    from webapp.power.summary import files_of, read_tables
     from webapp.study.required_sample import design_digest
 
     questions = planned_questions(study, plan)
@@ -138,6 +151,9 @@ def _simulated(
         "settings": settings.to_dict(),
     }
     name = run_name_of(study.name, known) if run_name is None else run_name
+    if (there := complete_run("power", name, known, out)) is not None:
+        click.echo("The complete run of these settings is there already, and this is what it found.\n")
+        return there, *read_tables(there)
     with opened_run("power", name, known, out) as (folder, finish):
         with shown_studies(Console(stderr=True)) as report:
             counts = simulate(questions, settings, levels, folder, workers, report)

@@ -2,8 +2,9 @@
 
 import hashlib
 import json
+import shutil
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -67,11 +68,64 @@ def opened_run(kind: str, name: str, known: Mapping[str, object], out: Path) -> 
                 place.mkdir(parents=True, exist_ok=True)
             folder.complete(files, about)
 
-        try:
+        with _stopped_in_one_line(lambda: _kept(folder)):
             yield folder, finish
-        except KeyboardInterrupt:
-            click.echo(f"\nStopped. {_kept(folder)}", err=True)
-            raise click.exceptions.Exit(_INTERRUPTED) from None
+
+
+def complete_run(kind: str, name: str, known: Mapping[str, object], out: Path) -> Path | None:
+    """Return the folder of a run if the complete run with exactly these settings and this code is there.
+
+    Args:
+        kind: As in `opened_run`, like the next three.
+        name: The run's name.
+        known: All that its rows depend on beside the code.
+        out: The folder of results.
+
+    Raises:
+        RunFolderError: The name cannot be used.
+    """
+    from webapp.runs import provenance
+    from webapp.runs.run_folders import check_run_name
+
+    path = out / kind / check_run_name(name)
+    try:
+        settings = json.loads((path / "settings.json").read_bytes())
+    except (OSError, ValueError):
+        return None
+    wanted = json.loads(json.dumps({**known, "code": provenance.code_fingerprint()}))
+    return path if settings == wanted and (path / "run.json").exists() else None
+
+
+@contextmanager
+def stoppable(*folders: Path) -> Iterator[None]:
+    """End what Ctrl-C or SIGTERM interrupts in one line, with the exit status 130 and nothing left.
+
+    Args:
+        folders: That may be made meanwhile, the inner ones first; those that were not there before are gone afterwards,
+            the first one with all that is in it and the others if they are empty.
+    """
+    made = [folder for folder in folders if not folder.exists()]
+
+    def clear() -> str:
+        if made and made[0] == folders[0]:
+            shutil.rmtree(made[0], ignore_errors=True)
+        for folder in made:
+            with suppress(OSError):
+                folder.rmdir()
+        return "Nothing was written."
+
+    with _terminated_like_ctrl_c(), _stopped_in_one_line(clear):
+        yield
+
+
+@contextmanager
+def _stopped_in_one_line(end: Callable[[], str]) -> Iterator[None]:
+    """Tell in a line that something was stopped, and what becomes of it."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        click.echo(f"\nStopped. {end()}", err=True)
+        raise click.exceptions.Exit(_INTERRUPTED) from None
 
 
 def _kept(folder: "RunFolder") -> str:

@@ -1,13 +1,14 @@
 """What a power run leaves in its folder: tables, the figure, and a summary that says how all of it was made."""
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import pandas as pd
 
 from webapp.explainer.pictures.figure_style import drawn
 from webapp.power import figure
 from webapp.power.generation import within_sd
-from webapp.power.required import Step
+from webapp.power.required import STEPS, Step
 from webapp.power.settings import PAPER_PARTICIPANTS, PowerSettings
 from webapp.power.simulation import Levels
 from webapp.runs.markdown import table as markdown_table
@@ -15,6 +16,11 @@ from webapp.study.analysis_plan import Plan
 
 _FIGURE = "power"
 _DIGITS = "%.10g"
+_TABLES = ("power.csv", "required.csv")
+_TEXTS = dict.fromkeys(("experiment", "items", "first", "second", "step"), "str")
+_KEYS = frozenset({"experiment", "items", "first", "second", "effect", "participants"})
+_POWER_NEEDS = _KEYS | {f"{part}_{step}" for part in ("power", "low", "high") for step in STEPS}
+_REQUIRED_NEEDS = _KEYS | {"step", "low", "high", "is_smallest"}
 
 
 def files_of(
@@ -33,6 +39,22 @@ def files_of(
         "summary.md": _summary(study, plan, settings, levels, power, required).encode(),
         **pictures,
     }
+
+
+def read_tables(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Read the tables of a complete run again: the power, and the required participants.
+
+    Raises:
+        ValueError: A table is not as it was written.
+        OSError: A table cannot be read.
+    """
+    power, required = (
+        pd.read_csv(folder / name, dtype=_TEXTS, keep_default_na=False, na_values=[""]) for name in _TABLES
+    )
+    for table, columns in ((power, _POWER_NEEDS), (required, _REQUIRED_NEEDS)):
+        if not columns <= set(table.columns):
+            raise ValueError(f"the tables in {folder} were changed after the run; give another --run")
+    return power, required.astype(dict.fromkeys(("participants", "low", "high"), "Int64"))
 
 
 def methods(plan: Plan, settings: PowerSettings, levels: Levels) -> str:
@@ -158,11 +180,14 @@ def _undetermined(power: pd.DataFrame) -> str:
 
 def _needed(row: "pd.Series", settings: PowerSettings) -> str:
     most = max(settings.participants)
+    number, low, high = (
+        f"more than {most}" if pd.isna(row[name]) else str(row[name]) for name in ("participants", "low", "high")
+    )
     if pd.isna(row["participants"]):
-        return f"> {most}"
-    number = f"\N{LESS-THAN OR EQUAL TO} {row['participants']}" if row["is_smallest"] else str(row["participants"])
-    low, high = (f"> {most}" if pd.isna(row[end]) else str(row[end]) for end in ("low", "high"))
-    return number if low == high else f"{number} ({low}\N{EN DASH}{high})"
+        return number
+    if row["is_smallest"]:
+        return f"at most {number}" if high == number else f"at most {number} (up to {high})"
+    return number if low == high else f"{number} ({low} to {high})"
 
 
 def _share(row: "Mapping[str, float] | pd.Series", step: Step | str) -> str:

@@ -101,14 +101,14 @@ def _equivalence(data: StudyData, effects: Effects, pair: Contrast, item: str) -
     points = data.points.get((pair.experiment, item), 5)
     first, second = (expected_rating(points, effects.on_rating(kind, item)) for kind in (pair.first, pair.second))
     margin = data.plan.margin
-    truth = "alike" if abs(first - second) < margin else "not alike"
+    truth = "inside" if abs(first - second) < margin else "outside"
     name = f"{pair} on {item}"
     try:
         found = paired_tost(_differences(data.ratings, pair, item), margin, data.plan.alpha)
     except Undefined as undefined:
         return Shown(pair.experiment, "difference in points", name, first - second, None, None, None, str(undefined))
     is_within = -margin < found.low and found.high < margin
-    note = f"planted {truth}; found {'alike' if is_within else 'not alike'} but for {margin:g}"
+    note = f"margin {margin:g} points: planted {truth}, found {'inside' if is_within else 'not shown to be inside'}"
     return Shown(pair.experiment, "difference in points", name, first - second, found.mean, found.low, found.high, note)
 
 

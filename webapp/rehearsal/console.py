@@ -11,11 +11,15 @@ from rich.table import Table as RichTable
 from webapp.rehearsal.beside_ratings import Shown
 from webapp.rehearsal.verdicts import Verdict
 from webapp.reports.blocks import Cell, Column, Table
-from webapp.reports.formatting import p_value, shown
+from webapp.reports.formatting import MINUS, number, p_value, shown
 
 _GOOD = ("recovered", "quiet", "kept")
 _NEITHER = ("cautious", "nothing promised")
 _LEAST_WIDTH = 17
+_POINTS = (
+    "Planted are the points that an effect D makes on average: rounding and the ends of the scale take a little off. "
+    "A difference is inside the margin if its 90 % interval is."
+)
 
 
 def verdicts_beside_effects(verdicts: Sequence[Verdict]) -> RenderableType:
@@ -29,9 +33,9 @@ def verdicts_beside_effects(verdicts: Sequence[Verdict]) -> RenderableType:
     for contrast, group in groupby(verdicts, key=lambda verdict: verdict.contrast):
         tests = list(group)
         lines = (
-            [f"{contrast.experiment}: {contrast.first}", f"\N{MINUS SIGN} {contrast.second}"],
+            [f"{contrast.experiment}: {contrast.first}", f"{MINUS} {contrast.second}"],
             [test.item for test in tests],
-            [f"{test.planted:g}" for test in tests],
+            [f"{test.planted:g}".replace("-", MINUS) for test in tests],
             [_with_interval(test.d, test.low, test.high) for test in tests],
             ["" if test.p_holm is None else p_value(test.p_holm) for test in tests],
             [_coloured(test.word) for test in tests],
@@ -48,10 +52,12 @@ def shown_beside(found: Sequence[Shown]) -> Iterator[RenderableType]:
         for heading in ("planted", "found"):
             told.add_column(heading, justify="right", no_wrap=True)
         told.add_column("note", overflow="fold")
+        if what == "difference in points":
+            told.caption, told.caption_justify = _POINTS, "left"
         for each in group:
             told.add_row(
                 f"{each.experiment}: {each.name}",
-                f"{each.planted:.2f}",
+                number(each.planted),
                 _with_interval(each.found, each.low, each.high),
                 each.note,
             )
@@ -76,7 +82,9 @@ def _table(title: str) -> RichTable:
 def _with_interval(value: float | None, low: float | None, high: float | None) -> str:
     if value is None:
         return ""
-    return f"{value:.2f}" if low is None or high is None else escape(f"{value:.2f} [{low:.2f}, {high:.2f}]")
+    if low is None or high is None:
+        return number(value)
+    return escape(f"{number(value)} [{number(low)}, {number(high)}]")
 
 
 def _cell(cell: Cell, column: Column) -> str:

@@ -102,7 +102,7 @@ def _analysed(folder: Path, cast: Cast) -> tuple[StudyData, Mapping[str, bytes]]
         "mode": "bot",
         "planted": list(told(cast.effects)),
     }
-    analysis = Analysis(read, chosen, origin_of(read.digests, asked, chosen.notes))
+    analysis = Analysis(read, chosen, origin_of(read.digests, asked, chosen.notes, chosen.differences))
     return analysis.data, files_of_report(analysis.report(), analysis.data, analysis.origin)
 
 

@@ -79,7 +79,7 @@ def prepare(
         "include_incomplete": include_incomplete,
         "changed_data_ok": changed_data_ok,
     }
-    return Analysis(data_set, selection, origin_of(data_set.digests, asked, selection.notes))
+    return Analysis(data_set, selection, origin_of(data_set.digests, asked, selection.notes, selection.differences))
 
 
 def _other_wishes(selection: Selection) -> Iterator[tuple[str, Wishes]]:

@@ -80,7 +80,7 @@ def assemble(
     """
     made = {name: make(data) for name, make in makers.items()}
     found = _planned_findings(data, made)
-    differences = departures(data, found, origin.asked)
+    differences = departures(data, found, origin)
     body = (*made.values(), *more)
     sections = (
         summary(data, found, judged_as_good(made.get("equivalence", _NOTHING)), differences),

@@ -4,18 +4,30 @@ from collections.abc import Mapping, Sequence
 
 from webapp.reports.findings import Finding
 from webapp.reports.formatting import counted, listed
+from webapp.reports.origin import Origin
 from webapp.reports.study_data import StudyData
 
 
-def departures(data: StudyData, found: Sequence[Finding], asked: Mapping[str, object]) -> tuple[str, ...]:
+def departures(data: StudyData, found: Sequence[Finding], origin: Origin) -> tuple[str, ...]:
     """Return each difference from the plan as a sentence; none if there is none.
 
     Args:
         data: What was analysed, with its plan.
         found: What came of the planned comparisons.
-        asked: The options of the analysis.
+        origin: Where the data come from, with the options and what was chosen otherwise than declared.
     """
-    return (*_of_the_plan(data), *_of_the_data(data, asked), *_of_the_run(found), *_unplanned(data))
+    chosen = (*_of_the_data(data, origin.asked), *origin.differences)
+    return (*_of_the_plan(data), *chosen, *_of_the_run(found), *_unplanned(data))
+
+
+def nothing_differs(data: StudyData) -> str:
+    """Say that nothing differs, and from what: words that nobody registered cannot be followed."""
+    if data.plan.text is None:
+        return (
+            "The declared comparisons were run as they are frozen with the study's version. No plan in words is "
+            "registered, so there is nothing else to differ from."
+        )
+    return "Everything was run as it was registered."
 
 
 def _of_the_plan(data: StudyData) -> list[str]:
@@ -25,6 +37,9 @@ def _of_the_plan(data: StudyData) -> list[str]:
             "The study file declares no contrasts. The default plan was used: in each experiment the kind that the "
             "paper proposes against each other kind. It was not registered with the study."
         )
+    declared = None if data.declared is None else data.declared.analysis
+    if data.plan.equivalences and declared is not None and not declared.equivalences:
+        told.append("The pairs that are tested for equivalence are those of the default plan: no pair is declared.")
     if data.plan.equivalences and not data.plan.is_margin_declared:
         told.append(
             f"The study file declares no margin of equivalence. The default was used, {data.plan.margin:g} points of a "
@@ -39,8 +54,6 @@ def _of_the_data(data: StudyData, asked: Mapping[str, object]) -> list[str]:
         told.append(f"The mode is {data.mode}: these are no data of a study's participants.")
     if asked.get("include_incomplete"):
         told.append("People who did not complete the study are analysed too, because --include-incomplete was given.")
-    if asked.get("changed_data_ok"):
-        told.append("Files that differ from the data set's manifest were accepted: --changed-data-ok was given.")
     return told
 
 

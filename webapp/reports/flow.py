@@ -9,6 +9,7 @@ import pandas as pd
 from webapp.reports.blocks import Block, Cell, Column, Drawing, Section, Statement, Table
 from webapp.reports.formatting import counted
 from webapp.reports.read_exclusions import INCOMPLETE
+from webapp.reports.read_folder import DataFiles
 from webapp.reports.selection import Selection
 from webapp.reports.study_data import StudyData
 from webapp.storage.consort import Counts, Fate, Flow, steps
@@ -23,6 +24,7 @@ _STEPS = {
     "in_progress": "began and did not finish",
     "completed": "completed",
     "excluded": "excluded after completing",
+    "included": "did not complete and analysed all the same",
     "analysed": "analysed",
 }
 
@@ -35,15 +37,14 @@ def section(data: StudyData, selection: Selection | None = None) -> Section:
         selection: How it was chosen; without it there are no arrangements, rules and corrections in the section.
     """
     flow = flow_of(data, None if selection is None else selection.allocation)
+    files = DataFiles() if selection is None else selection.files
     blocks: list[Block] = []
     if flow is None:
-        people = counted(len(data.participants), "participant")
-        reason = (
-            f"the data set has no participants.csv; {people} with {counted(len(data.ratings), 'rating')} are analysed"
-        )
+        people, ratings = counted(len(data.participants), "participant"), counted(len(data.ratings), "rating")
+        reason = f"the data set has no {files.name_of('participants')}; {people} with {ratings} are analysed"
         blocks.append(Statement("The flow of participants", reason))
     else:
-        sentence = _sentence(flow, len(data.participants))
+        sentence = _sentence(flow)
         blocks += [sentence, _drawing(flow, sentence), _steps_table(flow), *_kinds_table(flow)]
     if selection is not None:
         blocks += [*_rules_table(selection), *_corrections_table(selection), *selection.notes]
@@ -76,7 +77,8 @@ def flow_of(data: StudyData, allocation: pd.DataFrame | None = None) -> Flow | N
             *(flow.arrangements.setdefault(cell, Counts()) for cell in cells),
             *(flow.kinds.setdefault(kind, Counts()) for kind in kinds),
         ):
-            counts.take(_fate(told), _reason(data, told.get("reason")))
+            counts.take(fate := _fate(told), _reason(data, told.get("reason")))
+            counts.included += fate != "completed" and told.get("reason") is None
     return flow
 
 
@@ -125,16 +127,16 @@ def _num_erased(allocation: pd.DataFrame | None) -> int:
     return 0 if allocation is None else int(allocation.loc[allocation["participant"].isna(), "record"].nunique())
 
 
-def _sentence(flow: Flow, num_analysed: int) -> str:
+def _sentence(flow: Flow) -> str:
     counts = flow.everybody
     told = [
         f"{counted(counts.allocated, 'participant')} agreed and got an arrangement of kinds",
         f"{counts.dropped} of them did not complete the study",
         f"{counts.fates['completed']} did",
-        f"{counts.excluded.total()} of these were excluded, which leaves {counts.analysed}",
+        f"{counts.excluded.total()} of these were excluded, which leaves {counts.analysed - counts.included}",
     ]
     others = (
-        f" With those who did not complete it, {num_analysed} are analysed." if num_analysed > counts.analysed else ""
+        f" With {counts.included} who did not complete it, {counts.analysed} are analysed." if counts.included else ""
     )
     erased = f" Besides these, {flow.num_erased} were erased at their own wish." if flow.num_erased else ""
     return f"{'; '.join(told)}.{others}{erased} Exclusions were decided without looking at kinds of explanation."

@@ -1,13 +1,13 @@
 """A report as one HTML file that loads nothing: text, tables, figures and style are inside, and no script is needed."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count, groupby
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from webapp.reports.blocks import Block, Drawing, Figure, Section, Statement, Table
+from webapp.reports.blocks import Block, Column, Drawing, Figure, Section, Statement, Table
 from webapp.reports.figures import as_address
 from webapp.reports.formatting import NOTHING, shown
 from webapp.reports.report import Report
@@ -26,6 +26,12 @@ _SHORT = 24
 """Tables of up to so many rows stay on one page."""
 
 _NUMBERS = {"count", "number", "p", "percent"}
+
+_BRIEF = 18
+"""Columns whose texts have up to so many characters do not break them."""
+
+_STACKED = frozenset({"summary"})
+"""Tables whose rows are stacked on phones, so that each can be read without scrolling."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,13 +118,28 @@ def _table(table: Table) -> Mapping[str, object]:
         classes.append("table--wider" if num_columns >= _WIDER else "table--wide")
     if len(table.rows) <= _SHORT:
         classes.append("table--short")
-    kinds = ["number" if column.kind in _NUMBERS else "text" for column in table.columns]
-    rows = [
-        [(kind, shown(cell, column)) for kind, cell, column in zip(kinds, row, table.columns, strict=True)]
-        for row in table.rows
+    is_stacked = table.name in _STACKED
+    if is_stacked:
+        classes.append("table--stacked")
+    rows = [[shown(cell, column) for cell, column in zip(row, table.columns, strict=True)] for row in table.rows]
+    headings = [
+        (column.name, _look(column, [row[place] for row in rows]), column.heading)
+        for place, column in enumerate(table.columns)
     ]
-    headings = [(kind, column.heading) for kind, column in zip(kinds, table.columns, strict=True)]
-    return {"classes": " ".join(["table", *classes]), "headings": headings, "rows": rows, "nothing": NOTHING}
+    return {
+        "classes": " ".join(["table", *classes]),
+        "headings": headings,
+        "rows": [list(zip(headings, row, strict=True)) for row in rows],
+        "is_stacked": is_stacked,
+        "nothing": NOTHING,
+    }
+
+
+def _look(column: Column, cells: Sequence[str]) -> str:
+    """Return the classes of a column's cells."""
+    if column.kind in _NUMBERS:
+        return "number"
+    return "text brief" if all(len(cell) <= _BRIEF for cell in cells) else "text"
 
 
 def _assumptions(section: Section) -> Mapping[str, object]:

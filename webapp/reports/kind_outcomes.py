@@ -18,6 +18,7 @@ from webapp.study.analysis_plan import Contrast
 
 INTERVAL = (Column("low", "95 % low", "number"), Column("high", "high", "number"))
 _FEWEST_EVENTS, _ENOUGH_EVENTS = 5, 10
+_FEWEST_PEOPLE, _ENOUGH_PEOPLE = 8, 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,12 +167,23 @@ def ratio_blocks(
         Column("experiment", "Experiment"),
         Column("ratio", heading, "number"),
         *INTERVAL,
-        Column("z", "z", "number"),
+        Column("t", "t", "number"),
+        Column("df", "df", "count"),
         Column("p", "p", "p"),
         Column("p_holm", "p (Holm)", "p"),
     )
     rows = tuple(
-        (str(contrast), contrast.experiment, ratio.value, ratio.low, ratio.high, ratio.z, ratio.p_value, p_holm)
+        (
+            str(contrast),
+            contrast.experiment,
+            ratio.value,
+            ratio.low,
+            ratio.high,
+            ratio.t,
+            ratio.df,
+            ratio.p_value,
+            p_holm,
+        )
         for (contrast, ratio), p_holm in zip(found, adjusted, strict=True)
         if isinstance(ratio, Ratio)
     )
@@ -226,6 +238,28 @@ def logistic_assumptions(test: str, model: BinaryFit | str) -> list[Assumption]:
             "not checkable",
         ),
         Assumption(test, "People do not influence each other.", "Each takes part alone, once.", "by design"),
+    ]
+
+
+def enough_people(test: str, num_people: Iterable[int]) -> list[Assumption]:
+    """Say whether there are enough people for intervals that are robust within persons; nothing without any interval.
+
+    Args:
+        test: What has the intervals.
+        num_people: Of each interval.
+    """
+    counts = sorted(num_people)
+    if not counts:
+        return []
+    fewest = counts[0]
+    return [
+        Assumption(
+            test,
+            "There are enough people for intervals that are robust within persons.",
+            f"From {counts[0]} to {counted(counts[-1], 'person', 'people')} per interval, by Student's t with people "
+            f"less one ({_ENOUGH_PEOPLE} are enough, below {_FEWEST_PEOPLE} too few).",
+            "holds" if fewest >= _ENOUGH_PEOPLE else "doubtful" if fewest >= _FEWEST_PEOPLE else "violated",
+        )
     ]
 
 

@@ -21,6 +21,7 @@ class Origin:
         versions: Of Python and the packages that compute and draw.
         asked: The options that choose rows or change what is refused.
         notes: What is to be said of the files: what was changed or left out.
+        differences: In which ways files and choice of people differ from the export and the declared rules.
     """
 
     files: Mapping[str, str]
@@ -28,6 +29,7 @@ class Origin:
     versions: Mapping[str, str]
     asked: Mapping[str, object]
     notes: tuple[str, ...] = ()
+    differences: tuple[str, ...] = ()
 
     @property
     def input_hash(self) -> str:
@@ -45,13 +47,19 @@ class Origin:
         }
 
 
-def origin_of(digests: Mapping[str, str], asked: Mapping[str, object], notes: Sequence[str] = ()) -> Origin:
+def origin_of(
+    digests: Mapping[str, str],
+    asked: Mapping[str, object],
+    notes: Sequence[str] = (),
+    differences: Sequence[str] = (),
+) -> Origin:
     """Return the origin of a report that this program makes.
 
     Args:
         digests: SHA-256 of every file that was read, by its name within the data set.
         asked: The options.
         notes: What is to be said of the files.
+        differences: From the export and the declared rules.
     """
     versions = {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}
-    return Origin(digests, running_program().digest, versions, asked, tuple(notes))
+    return Origin(digests, running_program().digest, versions, asked, tuple(notes), tuple(differences))

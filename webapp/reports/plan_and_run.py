@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from webapp.reports.blocks import Block, Cell, Column, Section, Statement, Table
+from webapp.reports.departures import nothing_differs
 from webapp.reports.findings import Finding
 from webapp.reports.formatting import counted, number
 from webapp.reports.study_data import StudyData
@@ -32,11 +33,19 @@ def plan_and_run(data: StudyData, found: Sequence[Finding], differences: Sequenc
     if differences:
         blocks.append("\n".join(["What differs:", *(f"\N{BULLET} {each}" for each in differences)]))
     else:
-        blocks.append("Nothing differs from what was registered.")
+        blocks.append(nothing_differs(data))
     return Section("plan", "The plan and what was run", tuple(blocks))
 
 
+_DECLARED = (
+    "The comparisons are declared in the study file, which is frozen under the version's hash, and every row of the "
+    "data carries that hash. There is no plan in words beside them."
+)
+
+
 def _registered(plan: Plan) -> list[Block]:
+    if plan.text is None and plan.is_declared:
+        return [_DECLARED]
     if plan.text is None:
         return [
             Statement(

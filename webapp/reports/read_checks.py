@@ -11,8 +11,9 @@ from webapp.reports.read_scope import SCOPE
 
 _ENDINGS = ("completed_at", "withdrawn_at", "screened_out_at")
 
-LimitOf = Callable[[str, str, str, str], int | None]
-"""Tells the points of a scale by study, version, experiment and item; None if the study does not ask it there."""
+ScaleOf = Callable[[str, str, str, str, int], tuple[int | None, bool]]
+"""Tells the points of a scale by study, version, experiment, item and the item's largest rating, and whether they are
+known and not taken from that rating; None if the study does not ask the item there."""
 
 
 def check_rows(name: str, form: Form, table: pd.DataFrame, faults: Faults) -> None:
@@ -27,17 +28,25 @@ def check_rows(name: str, form: Form, table: pd.DataFrame, faults: Faults) -> No
         _note_impossible_times(table, faults)
 
 
-def check_ratings(table: pd.DataFrame, limit_of: LimitOf, faults: Faults) -> None:
+def check_ratings(table: pd.DataFrame, scale_of: ScaleOf, faults: Faults) -> None:
     """Note ratings beyond the points of their scale, and items that the study file does not have."""
     columns = ["study", "study_version", "experiment", "item"]
+    largest = largest_ratings(table, ["study", "study_version", "item"])
     for key, rows in table.groupby(columns, sort=True)["rating"]:
-        limit = limit_of(*key)
+        study, version, experiment, item = key
+        limit, is_known = scale_of(study, version, experiment, item, largest[study, version, item])
         if limit is None:
             wish = f"the study file does not ask it in experiment {shown(key[2])}"
             faults.of_cells(rows.index[:1].to_list(), "item", wish)
         else:
             outside = rows.index[rows > limit].to_list()
-            faults.of_cells(outside, "rating", f"use a whole number from 1 to {limit}")
+            why = "" if is_known else f"; no study file is beside it, and no scale has more than {limit} points"
+            faults.of_cells(outside, "rating", f"use a whole number from 1 to {limit}{why}")
+
+
+def largest_ratings(table: pd.DataFrame, columns: Sequence[str]) -> dict[object, int]:
+    """Return the largest rating by the values of some columns."""
+    return {key: int(most) for key, most in table.groupby(list(columns))["rating"].max().items()}
 
 
 def check_kinds(table: pd.DataFrame, declared: Callable[[str, str, str], Sequence[str] | None], faults: Faults) -> None:

@@ -48,15 +48,24 @@ def chosen_tables(
         if study in (None, scope.study) and scope.study_version.startswith(version or "") and scope.mode == wanted_mode
     ]
     if not fitting:
-        asked = " ".join(filter(None, (study, version, f"mode {wanted_mode}")))
-        hint = "; choose another with --mode" if mode is None and people else ""
-        raise DataSetError([f"there are no data of {asked}; there are: {there}{hint}"])
+        asked, option = _missing(people, study, version, wanted_mode)
+        raise DataSetError([f"there are no data of {asked}; there are: {there}; choose another with {option}"])
     if len(fitting) > 1:
         several = "; ".join(_said(scope, people[scope]) for scope in fitting)
         option = "--study" if len({scope.study for scope in fitting}) == len(fitting) else "--version"
         raise DataSetError([f"there are data of several: {several}; choose one with {option}"])
     (scope,) = fitting
     return scope, {name: _of_scope(name, table, scope) for name, table in tables.items()}
+
+
+def _missing(people: Mapping[Scope, int], study: str | None, version: str | None, mode: str) -> tuple[str, str]:
+    """Return what there are no data of, and the option that asked for it."""
+    of_study = [scope for scope in people if study in (None, scope.study)]
+    if not of_study:
+        return f"a study {study!r}", "--study"
+    if not any(scope.study_version.startswith(version or "") for scope in of_study):
+        return f"a version that begins with {version!r}", "--version"
+    return " ".join(filter(None, (study, version, f"mode {mode}"))), "--mode"
 
 
 def _people(tables: Mapping[str, pd.DataFrame]) -> dict[Scope, int]:

@@ -76,6 +76,9 @@ FORMS: Mapping[str, Form] = {
 _OPEN_LEVELS = frozenset({"kind"})
 """Texts whose described values are not all there can be: a study may declare kinds of its own."""
 
+_MORE_WISHES = {"rating": ", the lowest answer of every scale"}
+"""What is said of some columns beside the bounds of their numbers."""
+
 _TIME = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d{1,6})?)?(Z|[+-]\d\d:?\d\d)", re.ASCII)
 _DTYPES = {"text": "str", "integer": "Int64", "number": "float64", "boolean": "boolean", "time": "datetime64[us, UTC]"}
 _FILLED_DTYPES = {"integer": "int64", "boolean": "bool"}
@@ -139,7 +142,8 @@ def _reader(variable: Variable) -> tuple[Callable[[str], object], str]:
     """Return what makes a value of a text, or None of a wrong one, and what to ask for."""
     match variable.type:
         case "integer":
-            return _integers(variable.minimum, variable.maximum)
+            parse, wish = _integers(variable.minimum, variable.maximum)
+            return parse, f"{wish}{_MORE_WISHES.get(variable.name, '')}"
         case "number":
             return _number, "use a number with a point, such as 0.5"
         case "boolean":
@@ -164,9 +168,10 @@ def _integers(minimum: int | None, maximum: int | None) -> tuple[Callable[[str],
     }[minimum is None, maximum is None]
 
     def integer(text: str) -> int | None:
-        if not re.fullmatch(r"-?[0-9]{1,18}", text):
+        # Whole numbers come with a point from programs that hold a column with gaps as decimals.
+        if not (found := re.fullmatch(r"(-?[0-9]{1,18})(\.0{1,18})?", text)):
             return None
-        return int(text) if least <= int(text) <= most else None
+        return value if least <= (value := int(found[1])) <= most else None
 
     return integer, f"use a whole number{bounds}"
 

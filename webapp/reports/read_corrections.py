@@ -1,7 +1,7 @@
 """Corrections: what a researcher decided should stand in the data, put in the place of what was answered."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import cast
 
@@ -39,7 +39,10 @@ class Correction:
 
 
 def apply_corrections(
-    tables: Mapping[str, pd.DataFrame], study: Study | None, points: Mapping[tuple[str, str], int]
+    tables: Mapping[str, pd.DataFrame],
+    study: Study | None,
+    points: Mapping[tuple[str, str], int],
+    name_of: Callable[[str], str],
 ) -> tuple[dict[str, pd.DataFrame], tuple[Correction, ...]]:
     """Make the corrections, oldest first, so that the last one of an answer stands.
 
@@ -47,6 +50,7 @@ def apply_corrections(
         tables: The tables of one version and mode, by name, each with a plain index.
         study: The study as declared; it tells on which page a trial was.
         points: The points of each item's scale, by experiment and item.
+        name_of: Tells the file of a table, for messages.
 
     Returns:
         The tables, those that are corrected as copies, and what was done.
@@ -59,7 +63,9 @@ def apply_corrections(
     done = []
     for decision in corrected.to_dict("records"):
         told = {str(name): None if pd.isna(value) else value for name, value in decision.items()}
-        problem = _correct(tables, changed, told, study, points)
+        is_there = told["file"] in changed
+        missing = f"there is no {name_of(str(told['file']))}"
+        problem = _correct(tables, changed, told, study, points) if is_there else missing
         said = {name: "" if value is None else str(value) for name, value in told.items()}
         who, file, question = said["participant"], said["file"], said["question"]
         done.append(Correction(who, file, question, said["from"], said["to"], said["reason"], problem))
@@ -75,8 +81,6 @@ def _correct(
 ) -> str | None:
     """Make one correction, and return why it cannot be made."""
     file = str(told["file"])
-    if file not in changed:
-        return f"there is no {file}.csv"
     if told["to"] is None:
         return "the value is in the participant's own words and was left out"
     rows = _rows(given, file, told, study)

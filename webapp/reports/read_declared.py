@@ -14,9 +14,10 @@ from webapp.study.problems import StudyError
 from webapp.study.protocol import Study, parse_study
 
 DEFAULT_POINTS = 5
-"""The points of an item's scale where nothing declares them."""
+"""The points of an item's scale where nothing declares them and no rating is larger."""
 
-_FEWEST_POINTS, _MOST_POINTS = 2, 11
+_FEWEST_POINTS, MOST_POINTS = 2, 11
+"""Of any scale that a study file can declare."""
 
 _FILE = "study.toml"
 
@@ -67,10 +68,23 @@ def read_declarations(folder: DataFolder) -> tuple[Declaration, ...]:
     )
 
 
-def points_of(declaration: Declaration | None, experiment: str, item: str, described: Described) -> int | None:
-    """Return how many points an item's scale has; None if the study is declared and does not ask it there."""
+def points_of(
+    declaration: Declaration | None, experiment: str, item: str, described: Described, largest: int
+) -> int | None:
+    """Return how many points an item's scale has.
+
+    Args:
+        declaration: The study file, None if there is none.
+        experiment: The experiment.
+        item: The item.
+        described: What the data set says of the ratings.
+        largest: The largest rating of the item, which tells its points where nothing else does.
+
+    Returns:
+        The points; None if the study is declared and does not ask the item there.
+    """
     if declaration is None:
-        return described.points or DEFAULT_POINTS
+        return described.points or min(max(DEFAULT_POINTS, largest), MOST_POINTS)
     asked = {each.id: each for each in declaration.study.experiments}.get(experiment)
     if asked is None:
         return None
@@ -97,7 +111,7 @@ def read_description(folder: DataFolder) -> Described:
         return Described()
     variables = {variable["name"]: variable for variable in _variables(tree)}
     most = variables.get("rating", {}).get("maxValue")
-    is_bound = isinstance(most, int) and _FEWEST_POINTS <= most <= _MOST_POINTS
+    is_bound = isinstance(most, int) and _FEWEST_POINTS <= most <= MOST_POINTS
     return Described(dict(_levels(variables.get("item", {}))), most if is_bound else None)
 
 

@@ -7,6 +7,8 @@ import pandas as pd
 
 INCOMPLETE = "incomplete"
 BY_RESEARCHER = "excluded by a researcher"
+BEFORE_RATING = "left before the first rating"
+WITHOUT_ANSWERS = "answered nothing"
 
 _UNBLINDING = frozenset({"kind", "draw", "assignment", "arrangement", "rating"})
 """Columns from which a kind, or what it did, could be told."""
@@ -18,8 +20,8 @@ class Decided:
 
     Attributes:
         reasons: By participant, in the order in which they came: why not, missing for whoever is analysed. Whoever did
-            not complete the study has no other reason than that; of several rules the first one counts, and a rule
-            before a researcher.
+            not complete the study, or answered nothing, has no other reason than that; of several rules the first one
+            counts, and a rule before a researcher.
         flagged: By rule: how many it flags, whoever did not complete included.
     """
 
@@ -43,12 +45,13 @@ def decide(
     """Decide who is analysed.
 
     Args:
-        people: One row per person: `participant`, `is_complete`, `is_excluded` (by a researcher).
+        people: One row per person: `participant`, `is_complete`, `is_excluded` (by a researcher), `has_rated` (anything
+            at all) and `has_answered` (rated, predicted or driven).
         flags: Which rule speaks against whom: `participant`, `rule`.
         rules: The rules to apply, in their order.
         apply_exclusions: Whether researchers' exclusions count.
-        include_incomplete: Whether those are analysed too who did not complete the study; that they did not is then no
-            rule either.
+        include_incomplete: Whether those are analysed too who did not complete the study, if they rated anything; that
+            they did not complete it is then no rule either.
 
     Raises:
         ValueError: A table holds what the decision must not know.
@@ -63,7 +66,11 @@ def decide(
     for rule in reversed(applied):
         against = flags.loc[flags["rule"] == rule, "participant"]
         reasons[reasons.index.isin(against)] = rule
-    if not include_incomplete:
-        reasons[~people["is_complete"].to_numpy()] = INCOMPLETE
+    is_complete = people["is_complete"].to_numpy()
+    reasons[is_complete & ~people["has_answered"].to_numpy()] = WITHOUT_ANSWERS
+    if include_incomplete:
+        reasons[~is_complete & ~people["has_rated"].to_numpy()] = BEFORE_RATING
+    else:
+        reasons[~is_complete] = INCOMPLETE
     flagged = {rule: int(flags.loc[flags["rule"] == rule, "participant"].nunique()) for rule in rules}
     return Decided(reasons, flagged)

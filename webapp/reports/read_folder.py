@@ -2,10 +2,10 @@
 
 import hashlib
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from webapp.reports.read_problems import DataSetError
 from webapp.storage.dataset import MANIFEST_FORMAT, data_name
@@ -14,6 +14,32 @@ MOST_BYTES = 2_000_000_000
 """The largest file that is read; ratings of a hundred thousand participants have a tenth of it."""
 
 MANIFEST = "manifest.json"
+
+
+Difference = Literal["missing", "changed", "added"]
+
+
+@dataclass(frozen=True, slots=True)
+class DataFiles:
+    """What the files of a data set are called, and how they differ from the export; of files that are read.
+
+    Attributes:
+        names: The file of each table within the data set, also of those that are not there.
+        has_manifest: Whether the data set has a manifest, without which no difference is known.
+        missing: Files that the manifest has and that are not there.
+        changed: Files that are not as the manifest has them.
+        added: Files that the manifest does not have.
+    """
+
+    names: Mapping[str, str] = field(default_factory=dict)
+    has_manifest: bool = False
+    missing: tuple[str, ...] = ()
+    changed: tuple[str, ...] = ()
+    added: tuple[str, ...] = ()
+
+    def name_of(self, table: str) -> str:
+        """Return the name of a table's file, as messages tell it."""
+        return self.names.get(table, f"{table}.csv")
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +53,7 @@ class DataFolder:
         changed_ok: Whether files are read that are not those of the manifest.
         digests: The SHA-256 of every file that was read, by its name.
         notes: What whoever reads the report should know of the files.
+        differences: How files that were looked for differ from the manifest, by their names.
     """
 
     root: Path
@@ -35,6 +62,15 @@ class DataFolder:
     changed_ok: bool
     digests: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    differences: dict[str, Difference] = field(default_factory=dict)
+
+    def files(self) -> DataFiles:
+        """Return what the files are called, and how those that were looked for differ from the manifest."""
+        by_difference = {wanted: tuple(sorted(self._that_are(wanted))) for wanted in ("missing", "changed", "added")}
+        return DataFiles(self.tables, self.manifest is not None, **by_difference)
+
+    def _that_are(self, wanted: str) -> Iterator[str]:
+        return (name for name, difference in self.differences.items() if difference == wanted)
 
     def read(self, name: str) -> bytes | None:
         """Return a file's content, None if it is not there.
@@ -49,11 +85,14 @@ class DataFolder:
         return content
 
     def folders(self, name: str) -> list[str]:
-        """Return the folders within a folder, by their letters; none if it is not there."""
+        """Return the folders within a folder, by their letters: those that are there, and those of the manifest."""
+        files = () if self.manifest is None else self.manifest["files"]
+        exported = {file.split("/")[1] for file in files if file.startswith(f"{name}/") and file.count("/") > 1}
         try:
-            return sorted(path.name for path in (self.root / name).iterdir() if path.is_dir())
+            there = {path.name for path in (self.root / name).iterdir() if path.is_dir()}
         except OSError:
-            return []
+            there = set()
+        return sorted(exported | there)
 
     def _compare(self, name: str) -> None:
         if self.manifest is None or name == MANIFEST:
@@ -62,6 +101,8 @@ class DataFolder:
         found = self.digests.get(name)
         if (None if told is None else told["sha256"]) == found:
             return
+        difference: Difference = "added" if told is None else "missing" if found is None else "changed"
+        self.differences[name] = difference
         if told is None:
             what = "is not in the manifest, so it was added after the export"
         elif found is None:

@@ -5,7 +5,7 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
@@ -65,9 +65,15 @@ def read_table(file: str, content: bytes) -> RawTable:
     problems = list(_wrong_names(names))
     if problems:
         raise DataSetError(f"{file}, line 1: {problem}" for problem in problems)
+    blank = [place for place, row in enumerate(rows) if not any(row)]
+    if blank:
+        raise DataSetError(_told(file, text, blank, lambda _: "is blank; delete it"))
     uneven = [place for place, row in enumerate(rows) if len(row) != len(names)]
     if uneven:
-        raise DataSetError(_uneven(file, text, uneven, len(names)))
+        has = f"and the first line has {len(names)}; make them equal"
+        raise DataSetError(
+            _told(file, text, uneven, lambda row: f"has {len(row)} {'cell' if len(row) == 1 else 'cells'}, {has}")
+        )
     columns = zip(*rows, strict=True) if rows else ((),) * len(names)
     cells = {name: pd.array(list(column), dtype="str") for name, column in zip(names, columns, strict=True)}
     return RawTable(file, pd.DataFrame(cells), text)
@@ -129,13 +135,13 @@ def _wrong_names(names: Sequence[str]) -> Iterator[str]:
             yield f"has the column {shown(name)} {count} times; keep one"
 
 
-def _uneven(file: str, text: str, places: Sequence[int], num_columns: int) -> tuple[str, ...]:
+def _told(file: str, text: str, places: Sequence[int], say: Callable[[list[str]], str]) -> tuple[str, ...]:
+    """Return a line for each of some rows, given by their ascending places from 0, and how many more there are."""
     wanted, last = set(places[:MOST_TOLD]), places[:MOST_TOLD][-1]
     told: list[str] = []
     for place, (line, row) in enumerate(_lined(text), start=-1):
         if place in wanted:
-            cells = "1 cell" if len(row) == 1 else f"{len(row)} cells"
-            told.append(f"{file}, line {line}: has {cells}, and the first line has {num_columns}; make them equal")
+            told.append(f"{file}, line {line}: {say(row)}")
         if place >= last:
             break
     return first_of(told, file, len(places))

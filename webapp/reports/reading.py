@@ -17,7 +17,7 @@ from webapp.reports.read_declared import (
     read_description,
 )
 from webapp.reports.read_faults import Faults
-from webapp.reports.read_folder import DataFolder, find_data
+from webapp.reports.read_folder import DataFiles, DataFolder, find_data
 from webapp.reports.read_problems import DataSetError
 from webapp.reports.read_scope import fill_scope
 from webapp.reports.read_text import RawTable, read_table
@@ -38,6 +38,7 @@ class DataSet:
         digests: SHA-256 of every file that was read, by its name within the data set.
         notes: What whoever reads the report should know of the files: columns that were left out, files that were
             changed.
+        files: What the files are called, and how they differ from the export.
     """
 
     tables: Mapping[str, pd.DataFrame]
@@ -45,10 +46,25 @@ class DataSet:
     described: Described
     digests: Mapping[str, str]
     notes: tuple[str, ...]
+    files: DataFiles
 
     def declaration(self, study: str, version: str) -> Declaration | None:
         """Return the study file of data of a study and version, both empty if the data do not say."""
         return next((each for each in self.declarations if each.is_of(study, version)), None)
+
+    def scale(self, study: str, version: str, experiment: str, item: str, largest: int) -> tuple[int | None, bool]:
+        """Return how many points an item's scale has, and whether they are known; see `points_of`.
+
+        Args:
+            study: Whose ratings they are.
+            version: Of the study.
+            experiment: The experiment.
+            item: The item.
+            largest: The largest rating of the item.
+        """
+        declaration = self.declaration(study, version)
+        is_known = declaration is not None or self.described.points is not None
+        return points_of(declaration, experiment, item, self.described, largest), is_known
 
 
 def read_dataset(path: Path, *, changed_ok: bool = False) -> DataSet:
@@ -73,7 +89,8 @@ def read_dataset(path: Path, *, changed_ok: bool = False) -> DataSet:
     sound = {name: table for name, table in tables.items() if not faults[name]}
     for name, table in sound.items():
         check_rows(name, FORMS[name], table, faults[name])
-    data_set = DataSet(tables, declarations, described, folder.digests, tuple(folder.notes) + _extra(raw))
+    notes = tuple(folder.notes) + _extra(raw)
+    data_set = DataSet(tables, declarations, described, folder.digests, notes, folder.files())
     _check_together(data_set, faults)
     problems += [problem for each in faults.values() for problem in each.told()]
     if problems:
@@ -88,6 +105,8 @@ def _raw_tables(folder: DataFolder, problems: list[str]) -> dict[str, RawTable]:
             content = folder.read(file)
             if content is not None:
                 raw[name] = read_table(file, content)
+            elif name == "ratings":
+                problems.append(f"{file}: is missing, and without ratings there is nothing to analyse")
         except DataSetError as error:
             problems += error.problems
     if "ratings" in raw and raw["ratings"].cells.empty:
@@ -110,13 +129,7 @@ def _check_together(data_set: DataSet, faults: Mapping[str, Faults]) -> None:
     """Note what tables say of one another, as far as each is right in itself."""
     tables = {name: table for name, table in data_set.tables.items() if not faults[name]}
     if "ratings" in tables:
-        check_ratings(
-            tables["ratings"],
-            lambda study, version, experiment, item: points_of(
-                data_set.declaration(study, version), experiment, item, data_set.described
-            ),
-            faults["ratings"],
-        )
+        check_ratings(tables["ratings"], data_set.scale, faults["ratings"])
         check_kinds(tables["ratings"], lambda *of: kinds_of(data_set.declaration(*of[:2]), of[2]), faults["ratings"])
     known = tables.pop("participants", None)
     if known is not None:

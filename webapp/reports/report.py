@@ -9,6 +9,14 @@ from webapp.reports.blocks import Assumption, Block, Column, Drawing, Figure, Se
 ALL_ASSUMPTIONS = "assumptions"
 """The name of the table with the assumptions of all sections, which is written and not shown as such."""
 
+MODE = "Mode"
+"""The name of the fact that says whose answers are analysed."""
+
+_NOT_LIVE = {
+    "bot": "These are answers of programs, not of people.",
+    "test": "These are answers of a test run, not of participants.",
+}
+
 _COLUMNS = (
     Column("section", "Section"),
     Column("test", "Test"),
@@ -41,6 +49,11 @@ class Report:
             twice = [name for name, count in Counter(names).items() if count > 1]
             if twice:
                 raise ValueError(f"a report has each {kind} once, and {', '.join(twice)} more often")
+
+    @property
+    def banner(self) -> str:
+        """What must not be missed: that answers are none of a study's participants. Empty where they are."""
+        return _NOT_LIVE.get(dict(self.facts).get(MODE, ""), "")
 
     @property
     def blocks(self) -> Iterator[Block]:

@@ -3,18 +3,21 @@
 Exclusions are decided first, by what cannot tell anybody's kinds of explanation; only then are kinds looked at.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import pandas as pd
 
+from webapp.reports.read_checks import largest_ratings
 from webapp.reports.read_chosen import chosen_tables
 from webapp.reports.read_corrections import Correction, apply_corrections
-from webapp.reports.read_declared import Declaration, points_of
+from webapp.reports.read_declared import Declaration
 from webapp.reports.read_exclusions import Decided, decide
-from webapp.reports.read_notes import notes_of
+from webapp.reports.read_folder import DataFiles
+from webapp.reports.read_notes import differences_of, notes_of
 from webapp.reports.reading import DataSet
 from webapp.reports.study_data import StudyData
+from webapp.storage.scope import Scope
 from webapp.study.analysis_plan import Plan, plan_of, plan_without
 from webapp.study.experiments import SATISFACTION_ITEMS
 from webapp.study.quality import RULES
@@ -30,6 +33,7 @@ _EVERYBODY = (
     "assignment",
 )
 _ENDED = ("withdrawn_at", "screened_out_at")
+_ANSWERED = ("ratings", "probes", "drives")
 
 
 RULES_ON_TIMES = frozenset({"min_total_minutes", "min_seconds_per_rating_page"})
@@ -41,7 +45,7 @@ class Wishes:
     """What is asked for otherwise than planned.
 
     Attributes:
-        include_incomplete: Whether those are analysed too who did not complete the study.
+        include_incomplete: Whether those are analysed too who did not complete the study, if they rated anything.
         apply_rules: Whether whoever a declared rule flags is left out.
         apply_exclusions: Whether whoever a researcher excluded is left out.
         apply_corrections: Whether researchers' corrections are made.
@@ -67,6 +71,8 @@ class Selection:
         corrections: Those that were made, and those that could not be; empty if none were to be made.
         allocation: Of `allocation.csv`, None without the file.
         notes: What whoever reads the report should know, as sentences.
+        files: What the files of the data set are called, and how they differ from the export.
+        differences: In which ways files and choice of people differ from the export and the declared rules.
     """
 
     data: StudyData
@@ -76,6 +82,8 @@ class Selection:
     corrections: tuple[Correction, ...]
     allocation: pd.DataFrame | None
     notes: tuple[str, ...]
+    files: DataFiles
+    differences: tuple[str, ...] = ()
 
 
 def choose(  # noqa: PLR0913 - one argument for each wish, by name.
@@ -121,7 +129,7 @@ def select(
     wishes = wishes or Wishes()
     scope, tables = chosen_tables(data_set.tables, study, version, mode)
     declaration = data_set.declaration(scope.study, scope.study_version)
-    points = _points(data_set, declaration, tables["ratings"])
+    points, guess = _points(data_set, scope, tables["ratings"])
     rules = _rules(tables.get("quality"), wishes)
     timed = RULES_ON_TIMES.intersection(rules) if scope.mode == "bot" else frozenset()
     rules = tuple(rule for rule in rules if rule not in timed)
@@ -135,7 +143,7 @@ def select(
     corrections: tuple[Correction, ...] = ()
     declared = None if declaration is None else declaration.study
     if wishes.apply_corrections:
-        tables, corrections = apply_corrections(tables, declared, points)
+        tables, corrections = apply_corrections(tables, declared, points, data_set.files.name_of)
     kept = {name: _of(table, decided.analysed) for name, table in tables.items()}
     everybody = tables.get("participants")
     data = StudyData(
@@ -156,28 +164,56 @@ def select(
     told = f"Bots do not wait, so these rules are not applied to them: {', '.join(sorted(timed))}."
     notes = (
         *data_set.notes,
+        *guess,
         *([told] if timed else []),
-        *notes_of(tables, declared, decided, rules, corrections, include_incomplete=wishes.include_incomplete),
+        *notes_of(
+            _without(tables, timed),
+            declared,
+            decided,
+            rules,
+            corrections,
+            data_set.files,
+            include_incomplete=wishes.include_incomplete,
+        ),
     )
-    return Selection(data, wishes, decided, rules, corrections, tables.get("allocation"), notes)
+    differences = tuple(differences_of(tables, declared, decided, corrections, data_set.files))
+    return Selection(
+        data, wishes, decided, rules, corrections, tables.get("allocation"), notes, data_set.files, differences
+    )
+
+
+def _without(tables: Mapping[str, pd.DataFrame], rules: Collection[str]) -> Mapping[str, pd.DataFrame]:
+    """Return the tables without the verdicts of some rules, of which the notes say something else."""
+    if not rules:
+        return tables
+    quality = tables["quality"]
+    return {**tables, "quality": quality[~quality["rule"].isin(list(rules))]}
 
 
 def _people(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return everybody, with whether they completed the study and whether a researcher excluded them."""
+    """Return everybody, with whether they completed the study, were excluded by a researcher, and answered anything."""
     people = tables.get("participants")
     if people is None:
         trials = tables["ratings"].drop_duplicates(["participant", "experiment", "trial"])
         counts = trials.groupby("participant", sort=True).size()
         complete = (counts == counts.max()).to_numpy()
-        return pd.DataFrame({"participant": counts.index, "is_complete": complete, "is_excluded": False})
+        found = {"participant": counts.index, "is_complete": complete, "is_excluded": False}
+        return pd.DataFrame(found | {"has_rated": True, "has_answered": True})
     has_ended = people[list(_ENDED)].notna().any(axis=1)
     return pd.DataFrame(
         {
             "participant": people["participant"],
             "is_complete": people["completed_at"].notna() & ~has_ended,
             "is_excluded": people["excluded_at"].notna(),
+            "has_rated": _is_in(people, [tables["ratings"]]),
+            "has_answered": _is_in(people, [tables[name] for name in _ANSWERED if name in tables]),
         }
     )
+
+
+def _is_in(people: pd.DataFrame, tables: Sequence[pd.DataFrame]) -> pd.Series:
+    """Tell of each person whether any of the tables has a row of theirs."""
+    return people["participant"].isin(pd.concat([table["participant"] for table in tables]))
 
 
 def _flags(quality: pd.DataFrame | None) -> pd.DataFrame:
@@ -204,16 +240,35 @@ def _everybody(people: pd.DataFrame, decided: Decided) -> pd.DataFrame:
     return people[list(_EVERYBODY)].assign(reason=pd.Series(reasons, dtype="str"))
 
 
-def _points(data_set: DataSet, declaration: Declaration | None, ratings: pd.DataFrame) -> Mapping[tuple[str, str], int]:
+def _points(
+    data_set: DataSet, scope: Scope, ratings: pd.DataFrame
+) -> tuple[Mapping[tuple[str, str], int], tuple[str, ...]]:
+    """Return the points of each item's scale, and what is to be said if they are taken from the ratings."""
     asked = {
         (str(experiment), str(item))
         for experiment, item in ratings[["experiment", "item"]].drop_duplicates().to_numpy()
     }
-    for experiment in () if declaration is None else declaration.study.experiments:
-        own = SATISFACTION_ITEMS if experiment.satisfaction else ()
-        asked |= {(experiment.id, item) for item in (*(item.id for item in experiment.items), *own)}
-    found = {key: points_of(declaration, *key, data_set.described) for key in sorted(asked)}
-    return {key: points for key, points in found.items() if points is not None}
+    declaration = data_set.declaration(scope.study, scope.study_version)
+    for declared in () if declaration is None else declaration.study.experiments:
+        own = SATISFACTION_ITEMS if declared.satisfaction else ()
+        asked |= {(declared.id, item) for item in (*(item.id for item in declared.items), *own)}
+    largest = largest_ratings(ratings, ["item"])
+    found: dict[tuple[str, str], int] = {}
+    taken: dict[int, set[str]] = {}
+    for experiment, item in sorted(asked):
+        points, is_known = data_set.scale(scope.study, scope.study_version, experiment, item, largest.get(item, 0))
+        if points is not None:
+            found[experiment, item] = points
+            if not is_known:
+                taken.setdefault(points, set()).add(item)
+    return found, _told_points(taken)
+
+
+def _told_points(taken: Mapping[int, Collection[str]]) -> tuple[str, ...]:
+    if not taken:
+        return ()
+    told = "; ".join(f"{points} points for {', '.join(sorted(items))}" for points, items in sorted(taken.items()))
+    return (f"There is no study file, so scales have the points of the largest rating, at least 5: {told}.",)
 
 
 def _plan(declaration: Declaration | None, ratings: pd.DataFrame) -> Plan:

@@ -26,14 +26,16 @@ class StudyData:
         participants: One row per person who is analysed: at least `participant`.
         everybody: One row per person of the version and mode, also those who are not analysed, with `participant`,
             `consented_at`, `completed_at`, `withdrawn_at`, `screened_out_at`, `num_pages_sent`, `assignment` and
-            `reason` (why not analysed: a rule's name, `excluded by a researcher`, `incomplete`; None if analysed).
+            `reason` (why not analysed: a rule's name, `excluded by a researcher`, `incomplete`, `left before the
+            first rating` or `answered nothing`; None if analysed).
             None if there is no `participants.csv`.
         answers: Of `answers.csv`, None without the file; likewise the next two.
         probes: Of `probes.csv`.
         drives: Of `drives.csv`.
         declared: The study file, None if it is not in the data set.
         wordings: The wording of each item by its id, as far as the data set says.
-        points: How many points each item's scale has, by experiment and item: declared, or 5.
+        points: How many points each item's scale has, by experiment and item: declared, described by
+            the data set, or else the largest rating, at least 5.
         plan: What was planned, or the default plan.
     """
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from webapp.reports.blocks import Block, Column, Section, Table
+from webapp.reports.departures import nothing_differs
 from webapp.reports.findings import Finding
 from webapp.reports.formatting import counted, listed, number
 from webapp.reports.people import headcount
@@ -36,7 +37,7 @@ def summary(
         blocks.append(_table(data, found))
     if as_good:
         blocks.append(_as_good(data, as_good))
-    blocks.append(_differences(differences))
+    blocks.append(_differences(data, differences))
     return Section("summary", "Summary", tuple(blocks))
 
 
@@ -108,7 +109,7 @@ def _as_good(data: StudyData, as_good: Sequence[tuple[str, str, bool]]) -> str:
     return f"{told} ({margin}), {number_shown}{': ' if pairs else ''}{pairs}."
 
 
-def _differences(differences: Sequence[str]) -> str:
+def _differences(data: StudyData, differences: Sequence[str]) -> str:
     if not differences:
-        return "Everything was run as it was registered."
+        return nothing_differs(data)
     return "\n".join(["What differs from a registered plan:", *(f"\N{BULLET} {each}" for each in differences)])

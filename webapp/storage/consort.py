@@ -44,17 +44,19 @@ class Counts:
         fates: Where they are now.
         excluded: How many of those who completed are excluded, by reason.
         excluded_others: How many of the others are excluded too; they are not analysed anyway.
+        included: How many of those who did not complete are analysed all the same, as an analysis may be asked to.
     """
 
     allocated: int = 0
     fates: Counter[Fate] = field(default_factory=Counter)
     excluded: Counter[str] = field(default_factory=Counter)
     excluded_others: int = 0
+    included: int = 0
 
     @property
     def analysed(self) -> int:
-        """How many are left: they completed the study and are not excluded."""
-        return self.fates["completed"] - self.excluded.total()
+        """How many are left: they completed the study, or are included all the same, and are not excluded."""
+        return self.fates["completed"] - self.excluded.total() + self.included
 
     @property
     def dropped(self) -> int:
@@ -181,6 +183,8 @@ def steps(counts: Counts) -> Iterator[tuple[str, str | None, int]]:
     yield "excluded", None, counts.excluded.total()
     for reason, n in sorted(counts.excluded.items()):
         yield "excluded", reason, n
+    if counts.included:
+        yield "included", None, counts.included
     yield "analysed", None, counts.analysed
 
 

@@ -6,11 +6,12 @@ from xml.sax.saxutils import escape
 
 from webapp.storage.consort import FATES, Counts, Fate, Flow
 
-_WIDTH = 1100
+_WIDTH = 900
+"""So wide that its text is legible on paper, where the figure takes the width of a page."""
 _LINE = 20
-_MAIN, _SIDE = 400, 440
+_MAIN, _SIDE = 330, 440
 """Widths of the boxes in the middle and at the side."""
-_LEFT = 60
+_LEFT = 30
 _GAP = 36
 _WORDS: dict[Fate, str] = {
     "withdrawn": "left the study",
@@ -19,7 +20,9 @@ _WORDS: dict[Fate, str] = {
     "completed": "completed",
 }
 _COLUMNS = ("allocated", "left", "screened", "unfinished", "completed", "excluded", "analysed")
-_FIRST_COLUMN = 290
+_FIRST_COLUMN = 235
+_MOST_ARRANGEMENTS = 12
+"""A flow with more of them has rows of one or two people: they are left to the table in the data set."""
 _STYLE = (
     "text{font:15px system-ui,sans-serif;fill:#1a1a1a}.head{font-weight:600}.small{font-size:13px}"
     "rect{fill:#fff;stroke:#1a1a1a;stroke-width:1.2}line{stroke:#1a1a1a;stroke-width:1.2}.rule{stroke:#aaa}"
@@ -60,12 +63,15 @@ def _draw(parts: list[str], flow: Flow, y: int) -> int:
     parts.append(_text(_LEFT, y + _LINE, title, "head"))
     y += 2 * _LINE
     dropped = [f"{_WORDS[fate]} (n = {counts.fates[fate]})" for fate in FATES[:-1]]
+    if counts.included:
+        dropped.append(f"of these, analysed all the same (n = {counts.included})")
     reasons = [f"{reason} (n = {n})" for reason, n in counts.excluded.most_common()]
     y = _step(parts, y, [f"Agreed and allocated (n = {counts.allocated})"], is_first=True)
     y = _aside(parts, y, f"Did not complete (n = {counts.dropped})", dropped)
     y = _step(parts, y, [f"Completed (n = {counts.fates['completed']})"])
     y = _aside(parts, y, f"Excluded after completing (n = {counts.excluded.total()})", reasons)
-    y = _step(parts, y, [f"Analysed (n = {counts.analysed})"])
+    among = [f"with those who did not complete (n = {counts.included})"] if counts.included else []
+    y = _step(parts, y, [f"Analysed (n = {counts.analysed})", *among])
     if flow.num_erased:
         told = f"Besides these, everything of {flow.num_erased} who had agreed was erased at their own wish."
         parts.append(_text(_LEFT, y + _GAP, told, "small"))
@@ -105,17 +111,22 @@ def _box(parts: list[str], x: int, y: int, width: int, lines: Sequence[str]) -> 
 
 def _tables(parts: list[str], flow: Flow, y: int) -> int:
     """Draw the numbers of arrangements and kinds as tables."""
-    for experiment in sorted({key[0] for key in flow.arrangements}):
+    are_few = len(flow.arrangements) <= _MOST_ARRANGEMENTS
+    if not are_few:
+        told = f"The numbers of the {len(flow.arrangements)} arrangements of kinds are in consort.csv of the data set."
+        parts.append(_text(_LEFT, y + 15, told, "small"))
+        y += 2 * _LINE
+    for experiment in sorted({key[0] for key in flow.kinds}):
         rows = [
             (f"{arrangement}/{order}: {' · '.join(flow.kinds_of[name, arrangement, order])}", counts)
             for (name, arrangement, order), counts in sorted(flow.arrangements.items())
             if name == experiment
         ]
-        y = _table(
-            parts, f"Experiment {experiment}: arrangement/order of layouts, and the kinds as they were shown", rows, y
-        )
+        head = f"Experiment {experiment}: arrangement/order of layouts, and the kinds as they were shown"
+        if are_few and rows:
+            y = _table(parts, head, rows, y) + _LINE
         of_kinds = [(kind, counts) for (name, kind), counts in sorted(flow.kinds.items()) if name == experiment]
-        y = _table(parts, f"Experiment {experiment}: kind of explanation", of_kinds, y + _LINE)
+        y = _table(parts, f"Experiment {experiment}: kind of explanation", of_kinds, y)
         y += _LINE
     return y
 
@@ -128,7 +139,7 @@ def _table(parts: list[str], head: str, rows: Sequence[tuple[str, Counts]], y: i
     parts += [_text(x, y + 15, name, "head small", anchor="end") for x, name in zip(ends, _COLUMNS, strict=True)]
     y += _LINE
     for name, counts in rows:
-        lines = textwrap.wrap(name, 36, subsequent_indent="    ") or [""]
+        lines = textwrap.wrap(name, 32, subsequent_indent="    ") or [""]
         parts.append(f'<line class="rule" x1="{_LEFT}" y1="{y + 2}" x2="{_WIDTH - _LEFT}" y2="{y + 2}"/>')
         for number, line in enumerate(lines):
             parts.append(_text(_LEFT, y + 17 + number * _LINE, line, "small"))
@@ -146,10 +157,11 @@ def _numbers(counts: Counts) -> Iterator[int]:
 
 def _sentence(flow: Flow) -> str:
     counts = flow.everybody
+    others = f", with {counts.included} who did not complete" if counts.included else ""
     return (
         f"{flow.scope.study}, {flow.scope.mode}: {counts.allocated} agreed and were allocated, {counts.dropped} did "
         f"not complete, {counts.fates['completed']} completed, {counts.excluded.total()} of them were excluded, "
-        f"{counts.analysed} are analysed."
+        f"{counts.analysed} are analysed{others}."
     )
 
 

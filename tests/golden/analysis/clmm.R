@@ -38,7 +38,11 @@ without <- function(formula) {
   df <- attr(logLik(planned), "df") - attr(logLik(smaller), "df")
   c(statistic, df, pchisq(statistic, df, lower.tail = FALSE))
 }
+saddle <- read.csv("saddle.csv")
+for (name in c("participant", "kind", "layout")) saddle[[name]] <- factor(saddle[[name]])
+saddle$rating <- factor(saddle$rating, ordered = TRUE)
 parts <- c(
+  one("saddle probit", fit("probit", rating ~ kind + layout + (1 | participant), saddle)),
   sprintf('  "contrasts": {\n    "names": ["subgoals-random", "subgoals-full", "full-random"],\n    "estimates": [%s],\n    "standard_errors": [%s],\n    "z": [%s],\n    "holm": [%s]\n  }',
           number(pairs$estimate), number(pairs$SE), number(pairs$z.ratio), number(pairs$p.value)),
   sprintf('  "without kind": [%s]', number(without(rating ~ layout + (1 | person)))),

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import stats
 
 from webapp.analysis.binary_outcomes import Ratio, columns_of, fit_binary, without_constant_levels
 from webapp.analysis.censoring import Undefined
@@ -39,7 +40,7 @@ def test_the_mixed_logistic_model_is_that_of_rs_glmer_to_four_digits() -> None:
     assert found.fit.log_likelihood == pytest.approx(GOLDEN["log_likelihood"], rel=1e-5)
     ratio = found.odds_ratio("subgoals", "none")
     assert np.log(ratio.value) == pytest.approx(GOLDEN["subgoals_none"]["log_odds"], rel=5e-4)
-    assert np.log(ratio.value) / ratio.z == pytest.approx(GOLDEN["subgoals_none"]["error"], rel=1e-3)
+    assert np.log(ratio.value) / ratio.t == pytest.approx(GOLDEN["subgoals_none"]["error"], rel=1e-3)
 
 
 def test_average_probabilities_are_those_that_r_integrates() -> None:
@@ -126,7 +127,23 @@ def test_only_levels_without_any_yes_are_left_out_on_demand() -> None:
 @pytest.mark.parametrize(("estimate", "error"), [(1.0, 0.0), (1.0, np.nan), (40.0, 1.0), (0.0, 100.0)])
 def test_a_ratio_without_bound_is_none(estimate: float, error: float) -> None:
     with pytest.raises(Undefined, match="without bound"):
-        Ratio.of(estimate, error)
+        Ratio.of(estimate, error, 20)
+
+
+def test_a_ratio_is_held_to_students_t() -> None:
+    found = Ratio.of(1.0, 0.5, 10)
+    assert (found.t, found.df) == (2.0, 10)
+    assert found.p_value == pytest.approx(2 * stats.t.sf(2, 10))
+    assert np.log(found.high) == pytest.approx(1 + 0.5 * stats.t.ppf(0.975, 10))
+
+
+def test_what_compares_people_has_as_many_degrees_of_freedom_as_people_allow() -> None:
+    own = DATA.groupby("participant").ngroup()
+    data = DATA.assign(age=own % 7, mood=np.arange(len(DATA)) % 5)
+    found = fit_binary(data, ("layout",), ("age", "mood"))
+    num_people, num_effects = DATA["participant"].nunique(), len(found.columns.names)
+    assert found.effect("age").df == num_people - 2
+    assert found.effect("mood").df == len(DATA) - num_people - num_effects
 
 
 def test_an_effect_that_is_not_there_is_said() -> None:

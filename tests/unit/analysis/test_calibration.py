@@ -63,7 +63,7 @@ def test_the_cluster_interval_is_the_sandwich_of_a_regression_on_a_constant() ->
     residuals = pd.Series(right - right.mean()).groupby(people).sum()
     error = np.sqrt(30 / 29 * (residuals**2).sum()) / 90
     assert found.cluster is not None
-    assert found.cluster[1] - found.value == pytest.approx(stats.norm.ppf(0.975) * error)
+    assert found.cluster[1] - found.value == pytest.approx(stats.t.ppf(0.975, 29) * error)
     assert (found.num, found.total, found.num_people) == (int(right.sum()), 90, 30)
 
 
@@ -72,6 +72,18 @@ def test_without_spread_between_people_there_is_no_cluster_interval(people: list
     found = share_of(people, right)
     assert found.cluster is None
     assert found.wilson[0] < 1
+
+
+def test_the_cluster_interval_of_eight_people_covers_about_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(5)
+    people = [f"p{number}" for number in np.repeat(np.arange(8), 3)]
+    hits = 0
+    for _ in range(600):
+        found = mean_of_several(people, np.repeat(rng.normal(size=8), 3) + rng.normal(size=24))
+        assert found.interval is not None
+        hits += found.interval[0] <= 0 <= found.interval[1]
+    # With the normal quantile it is 90 %.
+    assert 0.93 < hits / 600 < 0.975
 
 
 def test_a_mean_of_nothing_is_none() -> None:

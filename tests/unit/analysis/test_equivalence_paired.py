@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from webapp.analysis.censoring import Undefined
-from webapp.analysis.equivalence_paired import conclusion, paired_tost
+from webapp.analysis.equivalence_paired import conclusion, level_with_skewness, paired_tost
 
 FOLDER = Path(__file__).parents[2] / "golden" / "analysis"
 GOLDEN: dict[str, Any] = json.loads((FOLDER / "paired.json").read_text())["tost"]
@@ -48,6 +48,17 @@ def test_differences_that_are_all_equal_show_no_spread() -> None:
         paired_tost([1], 0.5)
 
 
+def test_skewness_shifts_the_level_of_a_one_sided_test_as_foretold() -> None:
+    rng = np.random.default_rng(6)
+    # Gamma with shape 4 has the skewness 1.
+    drawn = rng.gamma(4, size=(40_000, 50)) - 4
+    t = drawn.mean(axis=1) / (drawn.std(axis=1, ddof=1) / np.sqrt(50))
+    erred = max(float((t < -1.6766).mean()), float((t > 1.6766).mean()))
+    assert erred > 0.06
+    assert level_with_skewness(1.0, 50, 0.05) == pytest.approx(erred, abs=0.004)
+    assert level_with_skewness(-1.0, 50, 0.05) == level_with_skewness(1.0, 50, 0.05)
+
+
 @pytest.mark.parametrize(("margin", "alpha"), [(0, 0.05), (-1, 0.05), (np.inf, 0.05), (0.5, 0), (0.5, 0.5)])
 def test_a_margin_or_level_that_makes_no_sense_is_refused(margin: float, alpha: float) -> None:
     with pytest.raises(ValueError, match=r"a margin must be|the level must lie"):
@@ -61,7 +72,9 @@ def test_a_margin_or_level_that_makes_no_sense_is_refused(margin: float, alpha: 
         (0.01, 0.01, "equivalent though different"),
         (0.5, 0.01, "different"),
         (0.5, 0.5, "undecided"),
-        (0.05, 0.06, "equivalent"),
+        (0.05, 0.06, "undecided"),
+        (0.06, 0.05, "undecided"),
+        (0.049, 0.05, "equivalent"),
     ],
 )
 def test_there_are_four_conclusions(p_equivalence: float, p_difference: float, expected: str) -> None:

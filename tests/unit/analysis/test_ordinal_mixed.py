@@ -60,6 +60,27 @@ def test_unbalanced_ratings_give_what_ordinal_clmm_gives(link: Link) -> None:
     as_r_has_it(fit_ratings(link), f"ratings {link}")
 
 
+def test_people_who_seem_alike_at_first_are_no_place_to_stop() -> None:
+    """At an SD of 0 the slope in the SD is 0; in these ratings that is a saddle, and the maximum lies elsewhere."""
+    frame = pd.read_csv(GOLDEN / "saddle.csv")
+    levels = [("kind", "b"), ("kind", "c"), ("layout", "l1"), ("layout", "l2")]
+    x = np.column_stack([frame[factor] == level for factor, level in levels]).astype(float)
+    fit = fit_ordinal(frame["rating"], frame["participant"], x, [" ".join(level) for level in levels])
+    assert fit.sd > 0.3
+    as_r_has_it(fit, "saddle probit")
+
+
+def test_people_who_differ_much_get_more_nodes() -> None:
+    rng = np.random.default_rng(8)
+    people, late = np.repeat(np.arange(60), 3), np.tile([0.0, 1.0, 0.0], 60)
+    right = (rng.normal(0, 4, 60)[people] + 1.5 * late + rng.logistic(size=180) > 0.3).astype(int)
+    fit = fit_ordinal(right, people, late[:, None], ["late"], link="logit")
+    assert fit.num_nodes > 22
+    fine = fit_ordinal(right, people, late[:, None], ["late"], link="logit", num_nodes=101)
+    assert fit.coefficients == pytest.approx(fine.coefficients, abs=2e-3 * float(fine.standard_errors[1]))
+    assert fit.standard_errors == pytest.approx(fine.standard_errors, rel=5e-3)
+
+
 def test_two_categories_give_what_lme4_glmer_gives() -> None:
     high = (RATINGS["rating"] >= 4).astype(int)
     fit = fit_ordinal(high, RATINGS["person"], kinds_and_layouts(RATINGS), KINDS, link="logit", num_nodes=21)

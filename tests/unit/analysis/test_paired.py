@@ -1,5 +1,5 @@
 import json
-from itertools import product
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from webapp.analysis.censoring import Undefined
-from webapp.analysis.paired import paired_t, pairs, rank_biserial_interval, signed_rank, skewness
-from webapp.analysis.unpaired_ranks import rank_sum, rank_sum_interval
+from webapp.analysis.paired import is_normal_enough, known_skewness, paired_t, pairs, signed_rank, skewness
+from webapp.analysis.unpaired_ranks import rank_sum
 
 FOLDER = Path(__file__).parents[2] / "golden" / "analysis"
 GOLDEN: dict[str, Any] = json.loads((FOLDER / "paired.json").read_text())
@@ -88,34 +88,6 @@ def test_no_difference_at_all_is_no_signed_rank_test() -> None:
         signed_rank([])
 
 
-@given(DIFFERENCES.filter(lambda differences: len(differences) > 1), st.integers(0, 1000))
-@settings(max_examples=30)
-def test_the_bootstrap_interval_is_an_interval_of_correlations(differences: list[int], seed: int) -> None:
-    low, high = rank_biserial_interval(differences, np.random.default_rng(seed), 200)
-    assert -1 <= low <= high <= 1
-
-
-def test_the_bootstrap_over_counts_is_the_bootstrap_over_people() -> None:
-    differences = np.array([-2, -1, -1, 0, 0, 1, 1, 1, 2, 2, 3, 3, 0, -3, 1, 2.5, 2.5, 0.5, -0.5, 1])
-    fast = rank_biserial_interval(differences, np.random.default_rng(1), 20_000)
-    rng = np.random.default_rng(2)
-    drawn = differences[rng.integers(20, size=(4_000, 20))]
-    ranks = stats.rankdata(np.abs(drawn), axis=1) * (drawn != 0)
-    slow = (np.sign(drawn) * ranks).sum(axis=1) / ranks.sum(axis=1)
-    assert fast == pytest.approx(tuple(np.quantile(slow, [0.025, 0.975])), abs=0.03)
-
-
-def test_the_bootstrap_covers_a_known_effect_about_as_often_as_it_says() -> None:
-    rng = np.random.default_rng(3)
-    # Of normal differences with mean 0.5 the population's correlation is 2 P(X1 + X2 > 0) - 1.
-    truth = 2 * stats.norm.cdf(0.5 * np.sqrt(2)) - 1
-    hits = 0
-    for _ in range(200):
-        low, high = rank_biserial_interval(rng.normal(0.5, 1, 60), rng, 400)
-        hits += low <= truth <= high
-    assert 176 <= hits <= 200
-
-
 def test_the_paired_t_test_and_its_effect_sizes_are_rs() -> None:
     found = paired_t(DATA["first"], DATA["second"])
     t, d_z, d_av = GOLDEN["t"], GOLDEN["d_z"], GOLDEN["d_av"]
@@ -153,6 +125,24 @@ def test_the_rank_sum_test_is_rs() -> None:
     assert (exact.u, exact.p_value) == pytest.approx((theirs["exact_u"], theirs["exact_p"]), rel=1e-9)
 
 
+def test_the_rank_sum_test_is_exact_with_ties_too() -> None:
+    found = rank_sum([4, 4, 5], [1, 2, 2])
+    assert found.method == "exact"
+    assert found.p_value == pytest.approx(0.1)
+
+
+@given(st.lists(st.integers(1, 5), min_size=2, max_size=5), st.lists(st.integers(1, 5), min_size=2, max_size=5))
+@settings(max_examples=40)
+def test_every_division_into_two_groups_counts(first: list[int], second: list[int]) -> None:
+    if len({*first, *second}) == 1:
+        return
+    ranks = stats.rankdata([*first, *second])
+    sums = [sum(ranks[list(chosen)]) for chosen in combinations(range(ranks.size), len(first))]
+    middle = np.mean(sums)
+    expected = np.mean([abs(each - middle) >= abs(ranks[: len(first)].sum() - middle) - 1e-9 for each in sums])
+    assert rank_sum(first, second).p_value == pytest.approx(float(expected))
+
+
 @given(st.lists(st.integers(1, 5), min_size=2, max_size=12), st.lists(st.integers(1, 5), min_size=2, max_size=12))
 def test_the_effect_of_the_rank_sum_test_counts_pairs(first: list[int], second: list[int]) -> None:
     if len({*first, *second}) == 1:
@@ -161,8 +151,6 @@ def test_the_effect_of_the_rank_sum_test_counts_pairs(first: list[int], second: 
         return
     wins = np.sign(np.subtract.outer(first, second))
     assert rank_sum(first, second).rank_biserial == pytest.approx(wins.mean())
-    low, high = rank_sum_interval(first, second, np.random.default_rng(0), 200)
-    assert -1 <= low <= high <= 1
 
 
 def test_people_who_saw_a_kind_several_times_count_with_their_mean() -> None:
@@ -192,6 +180,33 @@ def test_symmetric_differences_have_no_skewness() -> None:
     assert skewness([-2, -1, 0, 1, 2]) == pytest.approx(0)
     with pytest.raises(Undefined, match="it takes 3 people or more, not 2"):
         skewness([1, 2])
+
+
+def test_skewness_of_few_or_equal_differences_is_unknown() -> None:
+    assert known_skewness([]) is None
+    assert known_skewness([1, 2, 3, 4, 5, 6, 9]) is None
+    assert known_skewness([1] * 8) is None
+    assert known_skewness([-1, 1] * 4) == pytest.approx(0)
+
+
+@pytest.mark.parametrize(("skew", "num_people", "expected"), [(0.0, 29, False), (0.0, 30, True), (1.5, 56, False)])
+def test_thirty_people_are_enough_unless_differences_are_skewed(skew: float, num_people: int, expected: bool) -> None:
+    assert is_normal_enough(skew, num_people) == expected
+
+
+def test_the_intervals_of_standardized_differences_cover_about_as_often_as_they_say() -> None:
+    rng = np.random.default_rng(8)
+    # Both kinds with variance 1 and correlation .5, so that the differences have variance 1 too.
+    d_z = d_av = 0
+    for _ in range(400):
+        own = rng.normal(0, np.sqrt(0.5), 25)
+        first, second = (own + rng.normal(mean, np.sqrt(0.5), 25) for mean in (0.6, 0.0))
+        found = paired_t(first, second)
+        assert found.d_av is not None
+        d_z += found.d_z[1] <= 0.6 <= found.d_z[2]
+        d_av += found.d_av[1] <= 0.6 <= found.d_av[2]
+    assert 366 <= d_z <= 394
+    assert 366 <= d_av <= 394
 
 
 def test_numbers_that_are_none_are_refused() -> None:

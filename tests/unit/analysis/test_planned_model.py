@@ -141,8 +141,45 @@ def test_neighbouring_ratings_count_as_one_where_a_kind_lacks_one() -> None:
     assert found.ratio.df == 2  # Three kinds with two thresholds each, against two shifts of two thresholds.
 
 
-def test_the_shape_cannot_be_tested_where_kinds_have_nothing_in_common() -> None:
+def test_the_shape_cannot_be_tested_where_kinds_have_too_few_ratings_in_common() -> None:
     frame = simulated(40, 0.0, 4)
-    frame["rating"] = np.where(frame["kind"] == "full", frame["rating"].clip(upper=2), frame["rating"].clip(lower=3))
-    with pytest.raises(Undefined, match=r"too few ratings in common|no finite estimate"):
-        shape_of(frame)
+    frame["rating"] = np.where(frame["kind"] == "full", frame["rating"].clip(upper=3), frame["rating"].clip(lower=2))
+    frame.loc[frame["kind"] == "full", "rating"] = frame.loc[frame["kind"] == "full", "rating"].clip(lower=2)
+    with pytest.raises(Undefined, match="too few ratings in common"):
+        shape_of(frame.replace({"rating": {5: 3, 4: 3}}))
+
+
+@pytest.mark.parametrize(
+    ("spread", "told"),
+    [
+        ({1: 5, 2: 5, 3: 5, 4: 5}, "every rating of random is 5 or higher, every other one 5 or lower"),
+        ({2: 1, 3: 1, 4: 1, 5: 1}, "every rating of random is 1 or lower, every other one 1 or higher"),
+    ],
+)
+def test_a_kind_beyond_all_others_has_no_estimate_and_spoils_no_other(spread: dict[int, int], told: str) -> None:
+    frame = simulated(60, 0.6, 5)
+    random = frame["kind"] == "random"
+    frame.loc[random, "rating"] = frame.loc[random, "rating"].replace(spread)
+    planned = fit_planned(frame, KINDS)
+    with pytest.raises(Undefined, match=told):
+        planned.contrast("subgoals", "random")
+    alone = fit_planned(frame[~random], KINDS).contrast("subgoals", "full")
+    assert planned.contrast("subgoals", "full").d == pytest.approx(alone.d)
+
+
+def test_kinds_that_only_touch_have_no_estimate_either() -> None:
+    """Between them lies nothing: the likelihood of 1, 2, 3 against 3, 4, 5 grows for ever with the difference."""
+    frame = simulated(30, 0.0, 6)
+    low = frame["kind"] != "subgoals"
+    frame["rating"] = np.where(low, frame["rating"].clip(upper=3), frame["rating"].clip(lower=3))
+    planned = fit_planned(frame, KINDS)
+    with pytest.raises(Undefined, match="every rating of subgoals is 3 or higher"):
+        planned.contrast("subgoals", "random")
+    assert np.isfinite(planned.contrast("full", "random").d)
+
+
+def test_too_few_ratings_for_their_effects_give_a_reason_and_no_interval() -> None:
+    with pytest.raises(
+        Undefined, match="9 ratings of 3 people leave 2 degrees of freedom beside 4 effects, fewer than 3"
+    ):
+        fit_planned(simulated(3, 0.0, 6), KINDS)

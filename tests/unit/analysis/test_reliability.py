@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from webapp.analysis.censoring import Undefined
-from webapp.analysis.reliability import cronbach_alpha, mcdonald_omega
+from webapp.analysis.reliability import cronbach_alpha, mcdonald_omega, mean_correlation_interval, omega_interval
 
 FOLDER = Path(__file__).parents[2] / "golden" / "analysis"
 GOLDEN: dict[str, Any] = json.loads((FOLDER / "reliability.json").read_text())
@@ -69,7 +69,10 @@ def test_any_answers_give_numbers_or_a_reason(items: NDArray[np.float64]) -> Non
         ([[1, 2]], "reliability needs 2 people and 2 items or more, not 1 and 2"),
         ([[1], [2]], "reliability needs 2 people and 2 items or more, not 2 and 1"),
         ([[1, 3], [2, 3]], "1 of 2 items do not vary between 2 people"),
-        ([[1, 3], [3, 1]], "alpha needs a sum that varies, and all 2 people have the same"),
+        ([[1, 3], [3, 1], [2, 2], [1, 3], [3, 1]], "alpha needs a sum that varies, and all 5 people have the same"),
+        ([[1, 2], [2, 3], [3, 5]], "the reliability of 2 items needs 5 people or more, not 3"),
+        ([[n, n + 1, n % 3, n % 2, 5 - n, n] for n in range(6)], "the reliability of 6 items needs 7 people or more"),
+        ([[1, 2], [2, 3], [3, 4], [4, 5], [5, 6]], "alpha is 1 exactly: the 2 items of all 5 people"),
     ],
 )
 def test_alpha_says_what_is_missing(items: list[list[float]], message: str) -> None:
@@ -86,6 +89,44 @@ def test_omega_says_what_is_missing() -> None:
     two = rng.normal(size=(20, 2))
     with pytest.raises(Undefined, match="of 3 one does"):
         mcdonald_omega(np.column_stack([two, two.sum(axis=1)]))
+
+
+def test_the_bootstrap_intervals_cover_about_as_often_as_they_say() -> None:
+    rng = np.random.default_rng(9)
+    of_omega = of_mean = 0
+    for _ in range(30):
+        items = rng.normal(size=(60, 1)) + rng.normal(size=(60, 4))
+        omega, mean = omega_interval(items, rng, 120), mean_correlation_interval(items, rng, 200)
+        assert omega is not None
+        assert mean is not None
+        of_omega += omega[0] <= 0.8 <= omega[1]
+        of_mean += mean[0] <= 0.5 <= mean[1]
+    assert of_omega >= 25
+    assert of_mean >= 25
+
+
+def test_the_bootstrap_intervals_are_around_the_estimates_and_the_same_every_time() -> None:
+    for estimate, interval in (
+        (mcdonald_omega(ITEMS).value, omega_interval),
+        (cronbach_alpha(ITEMS).mean_correlation, mean_correlation_interval),
+    ):
+        found = interval(ITEMS, np.random.default_rng(1), 100)
+        assert found == interval(ITEMS, np.random.default_rng(1), 100)
+        assert found is not None
+        assert found[0] < estimate < found[1]
+
+
+def test_an_item_that_is_the_same_in_too_many_resamples_leaves_no_interval() -> None:
+    items = np.array([[1, 2, 1], [2, 1, 1], [3, 4, 1], [4, 3, 1], [5, 5, 1], [2, 4, 5]], dtype=float)
+    assert mean_correlation_interval(items, np.random.default_rng(1), 100) is None
+    assert omega_interval(items, np.random.default_rng(1), 100) is None
+
+
+def test_too_few_people_have_no_bootstrap_interval() -> None:
+    with pytest.raises(Undefined, match="needs 5 people or more, not 3"):
+        mean_correlation_interval([[1, 2], [2, 1], [3, 5]], np.random.default_rng(1))
+    with pytest.raises(Undefined, match="a factor of 3 items needs more than 3 people"):
+        omega_interval([[1, 2, 2], [2, 1, 1], [3, 3, 2]], np.random.default_rng(1))
 
 
 def test_items_that_are_no_table_are_refused() -> None:

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy import stats
 
 from webapp.analysis.censoring import Undefined
 from webapp.analysis.proportional_hazards import Journeys, check_proportionality, fit_hazards
-from webapp.analysis.time_to_goal import arrival_curve, restricted
+from webapp.analysis.time_to_goal import arrival_curve, median_interval, median_time, restricted
 
 FOLDER = Path(__file__).parents[2] / "golden" / "analysis"
 GOLDEN: dict[str, Any] = json.loads((FOLDER / "survival.json").read_text())
@@ -33,7 +34,9 @@ def journeys(**changes: NDArray[Any]) -> Journeys:
 def test_the_stratified_model_with_errors_by_person_is_rs() -> None:
     found = fit_hazards(journeys(), X, ["b", "c", "position"])
     assert found.coefficients == pytest.approx(GOLDEN["coefficients"], rel=1e-8)
-    assert np.sqrt(np.diag(found.covariance)) == pytest.approx(GOLDEN["robust_errors"], rel=1e-8)
+    uncorrected = found.covariance * (found.num_people - len(found.names) - 1) / found.num_people
+    assert np.sqrt(np.diag(uncorrected)) == pytest.approx(GOLDEN["robust_errors"], rel=1e-8)
+    assert found.df == found.num_people - 1
     assert np.sqrt(np.diag(found.information_inverse)) == pytest.approx(GOLDEN["naive_errors"], rel=1e-8)
     assert found.log_likelihood == pytest.approx(GOLDEN["log_likelihood"], rel=1e-10)
     assert (found.residuals**2).sum(axis=0) == pytest.approx(GOLDEN["schoenfeld_sums_of_squares"], rel=1e-8)
@@ -100,6 +103,35 @@ def test_robust_errors_cover_where_people_repeat_themselves() -> None:
     assert naive < robust
 
 
+@pytest.mark.parametrize("num_people", [12, 20])
+def test_with_few_people_tests_of_three_kinds_err_no_more_than_they_say(num_people: int) -> None:
+    rng = np.random.default_rng(12)
+    corrected = plain = 0
+    for _ in range(150):
+        people = np.repeat(np.arange(num_people), 3)
+        kinds = rng.permuted(np.tile(np.arange(3), (num_people, 1)), axis=1).ravel()
+        x = np.column_stack([kinds == 1, kinds == 2, np.tile([0, 1, 0], num_people), np.tile([0, 0, 1], num_people)])
+        frailty = np.repeat(np.exp(rng.normal(0, 0.6, num_people)), 3)
+        times = 1 + np.floor(8 * rng.exponential(size=people.size) / frailty) / 8
+        strata = rng.permuted(np.tile(np.arange(3), (num_people, 1)), axis=1).ravel()
+        found = fit_hazards(Journeys(times, times < 2.6, people, strata), x.astype(float), "bcpq")
+        for weights in ([1, 0, 0, 0], [0, 1, 0, 0], [1, -1, 0, 0]):
+            value, error = found.estimate(weights)
+            corrected += abs(value) > stats.t.ppf(0.975, found.df) * error
+            plain += abs(value) > 1.96 * error * np.sqrt((num_people - 5) / num_people)
+    assert corrected / 450 < 0.07
+    assert plain / 450 > 0.07
+
+
+def test_errors_within_persons_need_more_people_than_effects() -> None:
+    few = DATA["person"].to_numpy() <= 4
+    made = Journeys(
+        *(each[few] for each in (journeys().times, journeys().arrived, journeys().people, journeys().strata))
+    )
+    with pytest.raises(Undefined, match="there are 4 people and 3 effects"):
+        fit_hazards(made, X[few], "bcp")
+
+
 def test_an_effect_without_bound_is_said_to_be_one() -> None:
     times = np.concatenate([np.full(10, 1.0), np.full(10, 5.0)])
     arrived = np.repeat([True, False], 10)
@@ -153,6 +185,36 @@ def test_the_restricted_mean_is_the_area_above_the_curve(ends: list[tuple[int, b
     if area is not None:
         assert mean == pytest.approx(area)
     assert mean <= horizon
+
+
+def test_the_median_is_none_where_fewer_than_half_arrive() -> None:
+    assert median_time([1, 2, 3, 9], [True, True, True, False]) == 2
+    assert median_time([1, 9, 9], [True, False, False]) is None
+
+
+def test_the_interval_of_the_median_covers_about_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(7)
+    hits = 0
+    for _ in range(200):
+        # Each person has two drives, of which the second is a little like the first.
+        times = np.exp(np.repeat(rng.normal(0, 0.5, 30), 2) + rng.normal(0, 1, 60))
+        people = [f"p{number}" for number in np.repeat(np.arange(30), 2)]
+        found = median_interval(people, times, times < 6, rng, 300)
+        assert found is not None
+        low, high = found
+        assert low is not None
+        hits += low <= 1 and (high is None or high >= 1)
+    assert 182 <= hits <= 199
+
+
+def test_the_interval_of_the_median_is_open_where_half_may_never_arrive() -> None:
+    people, times = [f"p{number}" for number in range(12)], np.arange(1.0, 13)
+    found = median_interval(people, times, times <= 7, np.random.default_rng(1))
+    assert found is not None
+    assert found[0] is not None
+    assert found[1] is None
+    assert median_interval(people, times, times > 99, np.random.default_rng(1)) == (None, None)
+    assert median_interval(people[:5], times[:5], times[:5] > 0, np.random.default_rng(1)) is None
 
 
 def test_no_journey_has_no_curve() -> None:

@@ -46,7 +46,13 @@ def test_equivalences_show_the_difference_of_what_bots_rate_on_average() -> None
     for each in shown[:3]:
         assert each.planted == pytest.approx(expected_rating(5, 0.4) - 3)
         assert each.found == pytest.approx(each.planted, abs=0.2)
-    assert shown[0].note == "planted alike; found alike but for 0.5"
+    assert shown[0].note == "margin 0.5 points: planted inside, found inside"
+
+
+def test_a_difference_that_is_too_large_to_be_alike_is_told_in_words() -> None:
+    planted = effects("subgoals=1")
+    shown = beside(data_of(ratings(planted, 200)), planted)
+    assert shown[0].note == "margin 0.5 points: planted outside, found not shown to be inside"
 
 
 def test_where_nobody_rated_both_kinds_it_says_why_there_is_no_number() -> None:

@@ -15,6 +15,7 @@ from webapp.reports.csv_tables import csv_of
 from webapp.reports.departures import departures
 from webapp.reports.findings import findings
 from webapp.reports.methods import methods_text
+from webapp.reports.origin import origin_of
 from webapp.reports.people import headcount
 from webapp.reports.study_data import StudyData
 
@@ -164,11 +165,22 @@ def test_a_registered_plan_that_was_followed_has_no_departures_and_stands_in_the
 
 
 def test_data_that_are_no_data_and_options_that_change_the_people_are_departures() -> None:
-    asked = {"include_incomplete": True, "changed_data_ok": True}
-    told = " ".join(departures(replace(registered(), mode="bot"), (), asked))
+    origin = origin_of(
+        {}, {"include_incomplete": True}, (), ("Files that are not as they were exported: ratings.csv.",)
+    )
+    told = " ".join(departures(replace(registered(), mode="bot"), (), origin))
     assert "The mode is bot" in told
     assert "--include-incomplete" in told
-    assert "--changed-data-ok" in told
+    assert "Files that are not as they were exported: ratings.csv." in told
+
+
+def test_without_a_plan_in_words_nobody_says_that_everything_was_registered() -> None:
+    data = registered()
+    made = made_up_report(replace(data, plan=replace(data.plan, text=None)), {"ordinal": all_made})
+    assert made.differences == ()
+    for name in ("summary", "plan", "methods"):
+        assert "No plan in words is registered" in texts_of(section_of(made, name))
+        assert "as it was registered" not in texts_of(section_of(made, name))
 
 
 def test_items_that_are_not_planned_are_named() -> None:

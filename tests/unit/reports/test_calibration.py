@@ -49,6 +49,12 @@ def test_felt_minus_measured_is_above_nothing_where_people_feel_more_than_they_c
     assert float(str(row["low"])) > 0
 
 
+def test_whether_people_are_enough_for_robust_intervals_is_said() -> None:
+    (found,) = [each for each in section(by_chance(12)).assumptions if each.test.startswith("Felt minus measured and")]
+    assert found.verdict in ("doubtful", "violated")
+    assert "to 12 people per interval" in found.check
+
+
 def test_likeliness_is_taken_where_nobody_was_asked_what_they_foresee() -> None:
     cells = [(f"p{n}", 1, "a", "full") for n in range(6)]
     ratings = [(*cell, "likeliness", 1 + n % 5) for n, cell in enumerate(cells)]

@@ -125,6 +125,34 @@ def test_the_gain_is_the_share_after_less_that_before_and_the_practice_counts_no
     assert row["then_reached"] == pytest.approx(2 / 3)
 
 
+def test_shares_before_and_after_have_intervals() -> None:
+    made = section(by_chance())
+    shares = {(row["kind"], row["part"]): row for row in table(made, "drives_gain_shares")}
+    for row in table(made, "drives_gain"):
+        then = shares[row["kind"], "failed, after"]
+        assert (then["share"], then["total"]) == (row["then_reached"], row["failed"])
+        for part in ("before", "after"):
+            assert shares[row["kind"], part]["share"] == row[part]
+            assert float(str(shares[row["kind"], part]["cluster_low"])) < float(str(row[part]))
+        assert (then["wilson_low"], then["wilson_high"]) == pytest.approx(
+            wilson_interval(int(str(then["num"])), int(str(then["total"])))
+        )
+
+
+def test_the_median_time_has_an_interval() -> None:
+    rows = [row for row in table(section(by_chance(seed=4)), "drives_times") if row["median"] is not None]
+    assert rows
+    for row in rows:
+        assert float(str(row["median_low"])) <= float(str(row["median"]))
+        assert row["median_high"] is None or float(str(row["median_high"])) >= float(str(row["median"]))
+
+
+@pytest.mark.parametrize(("num_people", "verdict"), [(6, "violated"), (12, "doubtful"), (24, "holds")])
+def test_whether_people_are_enough_for_robust_intervals_is_said(num_people: int, verdict: str) -> None:
+    (found,) = [each for each in section(by_chance(num_people)).assumptions if each.test.startswith("Cluster")]
+    assert (found.verdict, f"{num_people} people" in found.check) == (verdict, True)
+
+
 def test_without_drives_and_predictions_there_is_a_statement_for_each() -> None:
     assert statements(section(data_of())) == [
         "The drives: there is no drive after an explanation in the data",

@@ -73,6 +73,43 @@ def test_the_figure_has_an_interval_for_each_test_and_the_band() -> None:
     assert (band.x0, band.x1) == pytest.approx((-0.5, 0.5))
 
 
+def normality(data: StudyData) -> tuple[str, str]:
+    (found,) = [each for each in section(data).assumptions if "is normal" in each.assumes]
+    return found.verdict, found.check
+
+
+def test_normality_is_judged_by_the_skewness_of_its_own_differences_not_by_their_number_alone() -> None:
+    rows = []
+    for n in range(60):
+        rows += [
+            (f"p{n:02}", 1, "a", "full", "general", 1),
+            (f"p{n:02}", 2, "b", "subgoals", "general", 1 + (n < 2) * 4),
+        ]
+    verdict, check = normality(data_of(rows, plan=plan_of_kinds(items=("general",))))
+    assert verdict == "doubtful"
+    assert "from 0.050 to 0.1" in check
+    assert normality(near(0.0))[0] == "holds"
+    assert normality(near(0.2, 3))[0] == "not checkable"
+    (row,) = table(section(near(0.0)), "equivalence_statistics")
+    assert row["skewness"] == pytest.approx(0, abs=1e-12)
+
+
+def test_whoever_rated_one_kind_alone_is_counted_and_told() -> None:
+    data = near(0.45)
+    dropped = data.ratings["participant"].str.startswith("p1") & (data.ratings["kind"] == "full")
+    rows = data.ratings[~dropped][["participant", "trial", "layout", "kind", "item", "rating"]].to_numpy()
+    made = section(data_of([tuple(row) for row in rows], plan=plan_of_kinds(items=("general",))))
+    (row,) = table(made, "equivalence")
+    assert (row["people"], row["left_out"]) == (70, 10)
+    assert "up to 10 of 80 people who rated either, so that it speaks of the 70 who rated both" in str(made.blocks[0])
+
+
+def test_a_difference_found_here_is_secondary_to_the_planned_comparisons() -> None:
+    made = section(near(1.0))
+    assert "secondary here" in str(made.blocks[0])
+    assert "what decides whether kinds differ are the planned comparisons" in str(made.blocks[0])
+
+
 @given(ROWS)
 @settings(max_examples=40, deadline=None)
 def test_any_ratings_give_numbers_or_reasons(rows: list[tuple[str, int, str, str, str, int]]) -> None:

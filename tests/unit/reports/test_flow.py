@@ -110,7 +110,22 @@ def test_the_incomplete_are_told_where_they_are_analysed_too(data: Tables, tmp_p
     found = selected(data, tmp_path, Wishes(include_incomplete=True))
     sentence = section(found.data, found).blocks[0]
     assert isinstance(sentence, str)
-    assert "With those who did not complete it, 4 are analysed." in sentence
+    assert "which leaves 3. With 1 who did not complete it, 4 are analysed." in sentence
+
+
+def test_the_flow_ends_in_who_is_analysed_also_with_the_incomplete(data: Tables, tmp_path: Path) -> None:
+    data["participants"][4].update(completed_at="", withdrawn_at=LATE)
+    data["ratings"] = [row for row in data["ratings"] if row["participant"] != "person4"]
+    found = selected(data, tmp_path, Wishes(include_incomplete=True))
+    made = section(found.data, found)
+    steps = table(made, "flow")
+    assert steps["did not complete and analysed all the same", None][-1] == 1
+    assert steps["analysed", None][-1] == len(found.data.participants) == 3
+    (drawing,) = (block for block in made.blocks if isinstance(block, Drawing))
+    for told in ("Analysed (n = 3)", "with those who did not complete (n = 1)", "3 are analysed, with 1 who"):
+        assert told in drawing.svg
+    assert "of these, analysed all the same (n\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}1)" in drawing.svg
+    assert [row[-1] for row in table(made, "flow_by_kind").values()] == [3] * 2
 
 
 def test_without_participants_there_is_a_statement_and_no_number(tmp_path: Path) -> None:

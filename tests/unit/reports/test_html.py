@@ -5,7 +5,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from tests.unit.reports.made_up import made_up_report
+from tests.unit.reports.made_up import made_up_report, made_up_study
 from webapp.reports.blocks import Block, Column, Figure, Section, Statement, Table
 from webapp.reports.figures import files_of
 from webapp.reports.html import render
@@ -137,3 +137,21 @@ def test_a_drawn_figure_has_both_files_and_the_same_bytes_each_time(report: Repo
     figure = next(figure for figure in report.figures if isinstance(figure, Figure))
     assert set(files_of(figure)) == {".svg", ".png"}
     assert files_of(figure) == files_of(figure)
+
+
+@pytest.mark.parametrize(
+    ("mode", "said"), [("bot", "programs, not of people"), ("test", "of a test run"), ("live", "")]
+)
+def test_answers_of_no_participants_are_called_so_above_the_first_section(mode: str, said: str) -> None:
+    made = made_up_report(made_up_study(mode=mode), {}).report
+    text = render(made, {figure.name: files_of(figure)[".svg"] for figure in made.figures}).decode()
+    assert bool(made.banner) == bool(said)
+    assert said in made.banner
+    assert ('class="banner"' in text) == bool(said)
+    assert not said or text.index(made.banner) < text.index("Contents</h2>")
+
+
+def test_columns_of_short_texts_do_not_break_them() -> None:
+    columns = (Column("kind", "Kind"), Column("reason", "Reason"))
+    page = page_of(Table("t", "T", columns, (("evenly_spaced", "a reason that is longer"),)))
+    assert page.attributes("class").count("text brief") == 2

@@ -78,7 +78,7 @@ def test_the_layout_s_order_being_fixed_is_said_once_per_experiment() -> None:
         (lambda frame: frame.iloc[:0], "there are no ratings"),
         (
             lambda frame: frame.assign(rating=np.where(frame["kind"] == "random", 1, frame["rating"].clip(lower=2))),
-            "one end",
+            "1 or lower",
         ),
     ],
 )
@@ -131,7 +131,14 @@ def test_people_who_turn_a_conclusion_around_are_told() -> None:
     assert set(rows[rows["choice"] == "with everybody"]["people"]) == {80}
     assert (rows["changed"] == "changed").any()
     assert any("instead of subgoals higher" in block for block in section.blocks if isinstance(block, str))
-    assert [statement.subject for statement in statements(section)] == ["without corrections"]
+    assert "These choices lead to exactly the data that are analysed: without corrections." in section.blocks
+
+
+def test_where_no_choice_gives_other_data_this_is_a_sentence_and_no_table() -> None:
+    data = study_data(rated(8))
+    section = sensitivity.section(data, [("nobody excluded", data)])
+    assert all(isinstance(block, str) for block in section.blocks)
+    assert "No other choice gives other data: nobody was left out and nothing was corrected." in section.blocks
 
 
 def test_the_logit_link_gives_odds_ratios_of_the_same_direction() -> None:
@@ -142,3 +149,54 @@ def test_the_logit_link_gives_odds_ratios_of_the_same_direction() -> None:
     effect = fit_planned(one, link="logit").contrast("subgoals", "random")
     row = odds.query("item == 'general' and contrast == 'subgoals \N{MINUS SIGN} random'").iloc[0]
     assert row["odds_ratio"] == pytest.approx(np.exp(effect.value))
+
+
+def assumed(ratings: pd.DataFrame, words: str) -> list[tuple[str, str]]:
+    """Return check and verdict of the assumptions of experiment 1, general, that say these words."""
+    of_it = ratings[(ratings["experiment"] == "1") & (ratings["item"] == "general")]
+    section = ordinal.section(study_data(of_it, kinds={"1": KINDS["1"]}))
+    return [(each.check, each.verdict) for each in section.assumptions if words in each.assumes]
+
+
+def test_kinds_on_layouts_of_their_own_are_compared_together_with_their_layouts() -> None:
+    ratings = rated(30)
+    own = ratings.assign(layout="of " + ratings["kind"])
+    (there,), (gone,) = (assumed(frame, "same layouts") for frame in (ratings, own))
+    assert there[1] == "holds"
+    assert gone[1] == "violated"
+    assert "tell of kind and layout together" in gone[0]
+    section = ordinal.section(study_data(own))
+    reasons = " ".join(statement.reason for statement in statements(section))
+    assert "subgoals \N{MINUS SIGN} full and subgoals \N{MINUS SIGN} random tell of kind and layout together" in reasons
+    notes = " ".join(block.note for block in section.blocks if isinstance(block, Table))
+    assert "all_key_points \N{MINUS SIGN} first_key_point in experiment 2" in notes.partition("Of kind and layout")[2]
+
+
+def test_of_kinds_that_share_layouts_only_in_part_those_on_others_are_named() -> None:
+    ratings = rated(30)
+    apart = ratings.assign(layout=ratings["layout"].where(ratings["kind"] != "random", "elsewhere"))
+    ((check, verdict),) = assumed(apart, "same layouts")
+    assert verdict == "violated"
+    assert "subgoals \N{MINUS SIGN} random tell of kind" in check
+    assert "\N{MINUS SIGN} full" not in check
+
+
+def test_that_kinds_act_alike_on_everybody_cannot_be_checked_where_each_is_rated_once() -> None:
+    ((check, verdict),) = assumed(rated(30), "independent")
+    assert verdict == "not checkable"
+    assert "90 ratings of 30 people, each kind once per person" in check
+
+
+def test_kinds_that_a_person_rates_repeatedly_put_independence_in_doubt() -> None:
+    ratings = rated(30)
+    again = ratings[ratings["kind"] == "full"].assign(trial=4)
+    ((check, verdict),) = assumed(pd.concat([ratings, again], ignore_index=True), "independent")
+    assert verdict == "doubtful"
+    assert "in 30 of 90 cases, at most 2 times" in check
+
+
+def test_normal_intercepts_near_the_end_of_the_scale_are_not_called_violated() -> None:
+    ratings = rated(60, dict.fromkeys(KINDS["1"], 1.6))
+    ((check, verdict),) = assumed(ratings, "normal distribution")
+    assert verdict == "holds"
+    assert "199 draws of ratings from the fitted model" in check

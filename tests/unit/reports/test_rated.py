@@ -8,7 +8,14 @@ from tests.unit.reports.rated import rated as made_up_ratings
 from tests.unit.reports.rated import study_data
 from webapp.analysis import two_samples
 from webapp.analysis.censoring import Undefined
-from webapp.reports.sections.rated import Undecided, independence, rated_experiments, rejections
+from webapp.reports.sections.rated import (
+    Undecided,
+    independence,
+    rated_experiments,
+    rejections,
+    titled,
+    told_apart,
+)
 from webapp.stimuli.sources import find_study
 from webapp.study.protocol import parse_study
 
@@ -94,3 +101,26 @@ def test_an_item_is_not_missed_of_a_kind_that_is_not_asked_about_it() -> None:
     assert "none" in only.kinds_of("foresee")
     assert "none" not in only.kinds_of("likeliness")
     assert not any("none" in pair for pair in only.pairs("likeliness"))
+
+
+def test_of_many_kinds_only_the_planned_pairs_are_compared() -> None:
+    frame = made_up_ratings(4)
+    kinds = ("full", "subgoals", "random", "none", "placebic")
+    more = [
+        frame,
+        frame.replace({"kind": {"full": "none", "random": "placebic"}}).assign(trial=lambda rows: rows.trial + 3),
+    ]
+    both = pd.concat(more, ignore_index=True)
+    data = study_data(both[both["experiment"] == "1"], kinds={"1": kinds})
+    (first,) = rated_experiments(data)
+    assert first.pairs("general") == tuple(("subgoals", kind) for kind in ("full", "random", "none", "placebic"))
+
+
+def test_other_scales_than_the_papers_make_an_experiment_another() -> None:
+    data = study_data(made_up_ratings(3))
+    other = replace(data, points=dict.fromkeys(data.points, 7))
+    assert [one.paper for one in rated_experiments(other)] == [None, None]
+    assert titled(data, "ratings") == "The paper's analysis, as printed: ratings"
+    assert titled(other, "ratings") == "In the paper's way: ratings"
+    assert told_apart(data, rated_experiments(data)) == ""
+    assert "of scales (7 points and not 5) and of material" in told_apart(other, rated_experiments(other))

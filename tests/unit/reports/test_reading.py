@@ -1,6 +1,7 @@
 """Mistakes in a data set: each is told with file, line, column, value and what is wanted."""
 
 import io
+import shutil
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -22,7 +23,10 @@ from tests.unit.reports.data_sets import (
     write_plain,
 )
 from webapp.reports import read_folder
+from webapp.reports.read_columns import FORMS
+from webapp.reports.read_folder import DataFiles
 from webapp.reports.reading import DataSet, DataSetError, read_dataset
+from webapp.reports.selection import select
 
 GOLDEN = Path(__file__).parents[2] / "golden"
 REPEATED = "participant 'person0', experiment '1', trial 1, item 'likeliness'"
@@ -66,10 +70,14 @@ def read(data: Tables, folder: Path) -> DataSet:
     ("spoil", "problem"),
     [
         (
-            set_cell("ratings", 1, rating="6"),
-            "ratings.csv, line 3, rating: is '6'; use a whole number from 1 to 5",
+            set_cell("ratings", 1, rating="12"),
+            "ratings.csv, line 3, rating: is '12'; use a whole number from 1 to 11; no study file is beside it, and no",
         ),
-        (set_cell("ratings", 1, rating="0"), "ratings.csv, line 3, rating: is '0'; use a whole number from 1"),
+        (
+            set_cell("ratings", 1, rating="0"),
+            "ratings.csv, line 3, rating: is '0'; use a whole number from 1, the lowest answer of every scale",
+        ),
+        (set_cell("ratings", 1, rating="-2.0"), "ratings.csv, line 3, rating: is '-2.0'; use a whole number from 1, "),
         (set_cell("ratings", 0, rating="3.5"), "ratings.csv, line 2, rating: is '3.5'; use a whole number from 1"),
         (set_cell("ratings", 0, rating="٣"), "ratings.csv, line 2, rating: is '٣'; use a whole number from 1"),
         (set_cell("ratings", 0, rating="9" * 30), f"ratings.csv, line 2, rating: is '{'9' * 30}'; use a whole number"),
@@ -200,8 +208,8 @@ def test_of_many_mistakes_of_a_file_twenty_are_told_and_the_others_counted(tmp_p
     data["participants"][0]["completed_at"] = "yesterday"
     told = problems_of(write_plain(tmp_path, data))
     assert told[:2] == [
-        "ratings.csv, line 2, rating: is 'seven'; use a whole number from 1",
-        "ratings.csv, line 3, rating: is 'seven'; use a whole number from 1",
+        "ratings.csv, line 2, rating: is 'seven'; use a whole number from 1, the lowest answer of every scale",
+        "ratings.csv, line 3, rating: is 'seven'; use a whole number from 1, the lowest answer of every scale",
     ]
     assert told[20] == "ratings.csv: and 70 more problems"
     assert told[21].startswith("participants.csv, line 2, completed_at: is 'yesterday'")
@@ -328,6 +336,60 @@ def test_a_table_that_was_added_after_the_export_is_refused(tmp_path: Path) -> N
     (tmp_path / "data" / "description-quality_data.csv").write_text(text_of([flag("person0", "incomplete")]))
     (problem,) = problems_of(tmp_path)
     assert "is not in the manifest, so it was added after the export" in problem
+    files = read_dataset(tmp_path, changed_ok=True).files
+    assert (files.added, files.missing, files.changed) == (("data/description-quality_data.csv",), (), ())
+
+
+def test_how_the_files_differ_from_the_manifest_is_told_by_their_names(tmp_path: Path) -> None:
+    write_exported(tmp_path, tables(), STUDY_FILE.read_bytes())
+    data = tmp_path / "data"
+    assert read_dataset(tmp_path).files == DataFiles(
+        {name: f"data/description-{name}_data.csv" for name in FORMS}, has_manifest=True
+    )
+    (data / "description-ratings_data.csv").write_bytes(text_of(tables()["ratings"][:-3]).encode())
+    (data / "description-allocation_data.csv").unlink()
+    shutil.rmtree(tmp_path / "studies")
+    assert len(problems_of(tmp_path)) == 3
+    files = read_dataset(tmp_path, changed_ok=True).files
+    assert files.has_manifest
+    assert files.changed == ("data/description-ratings_data.csv",)
+    assert files.missing == (
+        "data/description-allocation_data.csv",
+        f"studies/sakai2021-{VERSION[:12]}/study.toml",
+    )
+    assert select(read_dataset(tmp_path, changed_ok=True)).files == files
+    (tmp_path / "manifest.json").unlink()
+    files = read_dataset(tmp_path).files
+    assert (files.has_manifest, files.missing, files.changed) == (False, (), ())
+
+
+@pytest.mark.parametrize(("changed_ok", "told"), [(False, "is missing, and the manifest"), (True, "without ratings")])
+def test_ratings_that_were_removed_are_missed_in_a_line(changed_ok: bool, told: str, tmp_path: Path) -> None:
+    name = "data/description-ratings_data.csv"
+    write_exported(tmp_path, tables(), STUDY_FILE.read_bytes())
+    (tmp_path / name).unlink()
+    (problem,) = problems_of(tmp_path, changed_ok=changed_ok)
+    assert problem.startswith(f"{name}: is missing")
+    assert told in problem
+
+
+def test_whole_numbers_are_read_as_other_programs_write_them(tmp_path: Path) -> None:
+    data = tables()
+    plain = read(data, tmp_path / "plain").tables["ratings"]
+    for row in data["ratings"]:
+        row.update(rating=f"{row['rating']}.0", trial=f"{row['trial']}.000")
+        row["response_time_ms"] += ".0" if row["response_time_ms"] else ""
+    pd.testing.assert_frame_equal(read(data, tmp_path / "decimal").tables["ratings"], plain)
+
+
+def test_a_blank_row_of_a_spreadsheet_is_one_problem(tmp_path: Path) -> None:
+    rows = tables()["ratings"]
+    rows.insert(2, dict.fromkeys(rows[0], ""))
+    rows[4]["rating"] = ""
+    assert after(text_of(rows).encode(), tmp_path) == ["ratings.csv, line 4: is blank; delete it"]
+    rows.pop(2)
+    (problem,) = after(text_of(rows).encode(), tmp_path)
+    assert problem.startswith("ratings.csv, line 5, rating: is empty")
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,10 @@ def test_a_scale_is_judged_for_each_kind_and_for_peoples_means() -> None:
     assert found["full"]["alpha"] == pytest.approx(cronbach_alpha(of_kind).value)
     assert found["full"]["omega"] == pytest.approx(mcdonald_omega(of_kind).value)
     assert found["full"]["people"] == 40
+    for row in found.values():
+        for name in ("omega", "mean_correlation"):
+            low, value, high = (float(str(row[each])) for each in (f"{name}_low", name, f"{name}_high"))
+            assert low < value < high
     means = rows.pivot_table("rating", "participant", "item").to_numpy(dtype=float)
     assert found["all kinds"]["alpha"] == pytest.approx(cronbach_alpha(means).value)
 

@@ -60,7 +60,7 @@ def test_where_few_people_saw_both_kinds_the_groups_are_different_people() -> No
     data = data_of(rows, plan=plan_of_kinds(contrasts=(Contrast("1", "subgoals", "full"),), items=("general",)))
     made = section(data)
     (found,) = table(made, "robustness")
-    assert (found["test"], found["people"]) == ("rank sum, normal", 19)
+    assert (found["test"], found["people"]) == ("rank sum, exact", 19)
     assert table(made, "robustness_t") == []
     assert "1 test fewer than half" in str(made.blocks[0])
     assert any(each.test == "Mann-Whitney" and "up to 1 person" in each.check for each in made.assumptions)
@@ -99,6 +99,30 @@ def test_skewed_differences_are_doubted() -> None:
     data = data_of(rows, plan=plan_of_kinds(contrasts=(Contrast("1", "subgoals", "full"),), items=("general",)))
     verdicts = {each.verdict for each in section(data).assumptions if "symmetrically" in each.assumes}
     assert verdicts == {"doubtful"}
+
+
+def test_where_all_differences_lie_on_one_side_the_effect_has_no_interval_and_that_is_said() -> None:
+    rows = [(f"p{n}", *(1, "a", "full", "general", 1 + n % 2)) for n in range(6)]
+    rows += [(f"p{n}", *(2, "b", "subgoals", "general", 4)) for n in range(6)]
+    made = section(
+        data_of(rows, plan=plan_of_kinds(contrasts=(Contrast("1", "subgoals", "full"),), items=("general",)))
+    )
+    (found,) = table(made, "robustness")
+    assert (found["rank_biserial"], found["low"], found["high"]) == (1.0, None, None)
+    assert any("The interval of r of" in told and "on both sides of 0, and all 6" in told for told in statements(made))
+
+
+def test_the_mean_of_many_skewed_differences_is_no_normal_one() -> None:
+    rows = []
+    for n in range(60):
+        rows += [
+            (f"p{n:02}", 1, "a", "full", "general", 1),
+            (f"p{n:02}", 2, "a", "subgoals", "general", 1 + (n < 2) * 4),
+        ]
+    data = data_of(rows, plan=plan_of_kinds(contrasts=(Contrast("1", "subgoals", "full"),), items=("general",)))
+    (found,) = [each for each in section(data).assumptions if "mean difference is normal" in each.assumes]
+    assert found.verdict == "doubtful"
+    assert "In 1 of 1 there are fewer than 30 people or than 25 times the squared skewness" in found.check
 
 
 @given(ROWS)

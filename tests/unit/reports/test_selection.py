@@ -20,7 +20,8 @@ from tests.unit.reports.data_sets import (
     write_exported,
     write_plain,
 )
-from webapp.reports.read_exclusions import BY_RESEARCHER, INCOMPLETE, decide
+from webapp.reports.people import headcount
+from webapp.reports.read_exclusions import BEFORE_RATING, BY_RESEARCHER, INCOMPLETE, WITHOUT_ANSWERS, decide
 from webapp.reports.reading import DataSet, DataSetError, read_dataset
 from webapp.reports.selection import Selection, Wishes, choose, select
 from webapp.study.analysis_plan import Contrast
@@ -104,6 +105,48 @@ def test_whoever_did_not_complete_is_not_analysed_unless_asked_for(data: Tables,
     assert "Those who did not complete the study are analysed too, with what they answered." in again.notes
 
 
+def test_whoever_left_before_the_first_rating_is_not_analysed_with_the_incomplete(data: Tables, tmp_path: Path) -> None:
+    data["participants"][0]["completed_at"] = ""
+    data["participants"][1].update(completed_at="", withdrawn_at=RATED)
+    data["quality"] = [flag("person1", "straight_lining")]
+    data["ratings"] = [row for row in data["ratings"] if row["participant"] not in {"person1", "person2"}]
+    found = selected(data, tmp_path, include_incomplete=True)
+    assert reasons_of(found) == {"person1": BEFORE_RATING, "person2": WITHOUT_ANSWERS}
+    assert list(found.data.participants["participant"]) == sorted(set(found.data.ratings["participant"]))
+    assert headcount(found.data).analysed == 4
+    without = selected(data, tmp_path / "again")
+    assert reasons_of(without) == {"person0": INCOMPLETE, "person1": INCOMPLETE, "person2": WITHOUT_ANSWERS}
+
+
+def test_whoever_completed_and_was_asked_for_predictions_alone_is_analysed(data: Tables, tmp_path: Path) -> None:
+    row = next(row for row in data["ratings"] if row["participant"] == "person2")
+    probe = {name: row[name] for name in ("study", "study_version", "mode", "participant", "experiment", "trial")}
+    probe |= {"layout": row["layout"], "kind": row["kind"], "question": "1", "predicted": "left", "action": "forward"}
+    data["probes"] = [probe | {"is_correct": "false", "is_as_good": "false", "confidence": "3"}]
+    data["ratings"] = [row for row in data["ratings"] if row["participant"] != "person2"]
+    assert reasons_of(selected(data, tmp_path)) == {}
+
+
+def test_without_a_study_file_an_item_has_the_points_of_its_largest_rating(data: Tables, tmp_path: Path) -> None:
+    for row in data["ratings"]:
+        if row["item"] == "general":
+            row["rating"] = str(int(row["rating"]) + 2)
+    found = select(read_dataset(write_plain(tmp_path, {"ratings": data["ratings"]})))
+    points = {item: found.data.points["2", item] for item in ("general", "likeliness", "loveliness")}
+    assert points == {"general": 7, "likeliness": 5, "loveliness": 5}
+    assert (
+        "There is no study file, so scales have the points of the largest rating, at least 5: "
+        "5 points for likeliness, loveliness; 7 points for general."
+    ) in found.notes
+
+
+def test_points_that_are_declared_or_described_are_not_taken_from_ratings(data: Tables, tmp_path: Path) -> None:
+    for name, study in (("declared", STUDY_FILE.read_bytes()), ("described", None)):
+        found = selected(data, tmp_path / name, study)
+        assert not any("largest rating" in note for note in found.notes)
+        assert found.data.points["1", "general"] == 5
+
+
 def test_rules_and_researchers_leave_out_and_each_can_be_switched_off(data: Tables, tmp_path: Path) -> None:
     data["quality"] = [
         flag("person0", "straight_lining"),
@@ -138,6 +181,21 @@ def test_rules_are_applied_to_bots_too(tmp_path: Path) -> None:
     assert reasons_of(found) == {"person0": "straight_lining"}
 
 
+def test_rules_that_nobody_can_apply_and_files_that_are_not_the_exported_ones_are_differences(tmp_path: Path) -> None:
+    data = tables()
+    data["quality"] = [flag("person0", "straight_lining")]
+    study = STUDY_FILE.read_bytes().replace(b"[consent]", RULES, 1)
+    whole = selected(data, tmp_path / "whole", study)
+    assert not any("manifest" in each or "Files that" in each for each in whole.differences)
+    del data["quality"]
+    bare = selected(data, tmp_path / "bare", study)
+    rules = "straight_lining, incomplete, min_total_minutes"
+    told = next(each for each in bare.differences if "could not be applied" in each)
+    assert set(
+        told.removeprefix("Declared exclusion rules could not be applied: ").removesuffix(".").split(", ")
+    ) == set(rules.split(", "))
+
+
 def test_rules_on_times_are_not_applied_to_bots_because_they_do_not_wait(tmp_path: Path) -> None:
     rows = [flag("person0", "straight_lining"), flag("person1", "min_total_minutes")]
     data, bots = tables(), tables(mode="bot")
@@ -148,6 +206,7 @@ def test_rules_on_times_are_not_applied_to_bots_because_they_do_not_wait(tmp_pat
     assert reasons_of(of_bots) == {"person0": "straight_lining"}
     assert any("not applied to them: min_total_minutes." in note for note in of_bots.notes)
     assert not any("Bots do not wait" in note for note in of_people.notes)
+    assert not any("as it was asked for" in note for note in of_bots.notes)
 
 
 def test_an_exclusion_after_the_data_were_complete_is_told(data: Tables, tmp_path: Path) -> None:
@@ -182,7 +241,8 @@ def test_who_is_analysed_does_not_depend_on_kinds(kinds: list[str], people: list
 
 @pytest.mark.parametrize("hidden", ["kind", "draw", "assignment", "arrangement", "rating"])
 def test_exclusions_are_not_decided_by_a_table_that_tells_kinds_or_ratings(hidden: str) -> None:
-    people = pd.DataFrame({"participant": ["a"], "is_complete": [True], "is_excluded": [False]})
+    known = {"is_complete": [True], "is_excluded": [False], "has_rated": [True], "has_answered": [True]}
+    people = pd.DataFrame({"participant": ["a"], **known})
     flags = pd.DataFrame({"participant": [], "rule": []}, dtype="str")
     assert list(decide(people, flags, []).analysed) == ["a"]
     with pytest.raises(ValueError, match=f"exclusions are decided without {hidden}"):
@@ -221,7 +281,7 @@ def test_a_correction_without_a_study_file_is_made_where_one_answer_alone_fits(d
         ({"page": "3", "from": "4", "to": "6"}, "'6' is no rating from 1 to 5"),
         ({"page": "3", "from": "4", "to": ""}, "the value is in the participant's own words and was left out"),
         ({"page": "2", "from": "4", "to": "5", "question": "beauty"}, "no such answer is there"),
-        ({"page": "3", "from": "4", "to": "5", "file": "probes"}, "there is no probes.csv"),
+        ({"page": "3", "from": "4", "to": "5", "file": "probes"}, "there is no data/description-probes_data.csv"),
     ],
 )
 def test_a_correction_that_cannot_be_made_is_told_and_changes_nothing(
@@ -284,6 +344,27 @@ def test_bots_are_not_analysed_unless_asked_for(tmp_path: Path) -> None:
     data_set = read(tables(mode="bot"), tmp_path)
     with pytest.raises(DataSetError, match=r"mode bot \(6 participants\); choose another with --mode$"):
         select(data_set)
+
+
+@pytest.mark.parametrize(
+    ("asked", "told", "option"),
+    [
+        ({"study": "nope"}, "a study 'nope'", "--study"),
+        ({"version": "zz"}, "a version that begins with 'zz'", "--version"),
+        ({"study": "sakai2021", "version": "4d", "mode": "bot"}, "sakai2021 4d mode bot", "--mode"),
+    ],
+)
+def test_what_is_not_there_is_told_with_what_is_and_with_the_option_that_asked_for_it(
+    asked: dict[str, str], told: str, option: str, data: Tables, tmp_path: Path
+) -> None:
+    with pytest.raises(DataSetError) as error:
+        choose(read(data, tmp_path), asked.get("study"), asked.get("version"), asked.get("mode"))
+    there = "sakai2021 4d4d4d4d4d4d mode live (6 participants)"
+    assert str(error.value) == f"there are no data of {told}; there are: {there}; choose another with {option}"
+
+
+def test_bots_that_are_asked_for_are_analysed(tmp_path: Path) -> None:
+    data_set = read(tables(mode="bot"), tmp_path)
     assert select(data_set, mode="bot").data.mode == "bot"
 
 

@@ -2,13 +2,18 @@ import json
 from datetime import timedelta
 from pathlib import Path
 
+import pytest
+
 from tests.unit.storage.exported import LATER, STUDY, files_of, rows_of, texts_of, wanted_of
 from tests.unit.storage.people import NOW
 from tests.unit.storage.rows import write_rows
+from webapp.storage.consort import Counts, Flow
+from webapp.storage.consort_figure import draw_flows
 from webapp.storage.database import Database
 from webapp.storage.dataset import data_name, export
 from webapp.storage.erasure import erase
 from webapp.storage.people import exclude
+from webapp.storage.scope import Scope
 from webapp.storage.wanted import Wanted
 
 
@@ -74,3 +79,16 @@ def test_reasons_and_names_cannot_break_the_figure(database: Database, tmp_path:
     exclude(database, "yyyyyyyyyy", "<script>&'\"" + "very long " * 30, "ann", NOW + timedelta(days=1))
     export(database, tmp_path / "out", Wanted(), LATER)
     assert any("said" in text for text in texts_of((tmp_path / "out" / "consort.svg").read_bytes()))
+
+
+@pytest.mark.parametrize(("num", "are_drawn"), [(12, True), (13, False)])
+def test_many_arrangements_are_left_to_the_table(num: int, are_drawn: bool) -> None:
+    flow = Flow(Scope("made", "f" * 64, "bot"))
+    for arrangement in range(num):
+        flow.arrangements["1", arrangement, 0] = Counts()
+        flow.kinds_of["1", arrangement, 0] = ("full", "random")
+    flow.kinds = {("1", "full"): Counts(), ("1", "random"): Counts()}
+    drawn = texts_of(draw_flows([flow]).encode())
+    assert ("0/0: full · random" in drawn) is are_drawn
+    assert any("consort.csv" in text for text in drawn) is not are_drawn
+    assert {"full", "random"} <= set(drawn)

@@ -10,11 +10,11 @@ from webapp.analysis.binary_outcomes import Ratio, columns_of, kind_weights, wit
 from webapp.analysis.censoring import Undefined
 from webapp.analysis.proportional_hazards import Hazards, Journeys, check_proportionality, fit_hazards
 from webapp.analysis.shares import mean_of_several
-from webapp.analysis.time_to_goal import arrival_curve, restricted
+from webapp.analysis.time_to_goal import LEAST_PEOPLE, arrival_curve, median_interval, median_time, restricted
 from webapp.explainer.pictures.figure_style import BLACK, BLUE, GREEN, GREY, SKY, VERMILION
 from webapp.reports.blocks import Assumption, Block, Column, Figure, Table
 from webapp.reports.formatting import counted, number, p_clause
-from webapp.reports.kind_outcomes import Outcomes, contrasts_of, ratio_blocks
+from webapp.reports.kind_outcomes import Outcomes, contrasts_of, ratio_blocks, stream
 from webapp.reports.study_data import StudyData
 from webapp.study.analysis_plan import Contrast
 
@@ -50,7 +50,8 @@ class ArrivalModel:
             Undefined: A kind is not in the model, or the ratio is without bound.
         """
         try:
-            return Ratio.of(*self.hazards.estimate(kind_weights(self.hazards.names, self.kinds, first, second)))
+            weights = kind_weights(self.hazards.names, self.kinds, first, second)
+            return Ratio.of(*self.hazards.estimate(weights), self.hazards.df)
         except Undefined as undefined:
             because = f" ({'; '.join(self.left_out)})" if self.left_out else ""
             raise Undefined(f"{undefined}{because}") from None
@@ -84,7 +85,8 @@ def arrival_blocks(data: StudyData, after: Sequence[Outcomes], fitted: Fitted) -
     )
     note = (
         "Above 1: the first kind arrives sooner. Proportional hazards of kind and position, layouts as strata, Efron's "
-        "ties, errors robust within persons. Holm's correction is over this table's planned comparisons."
+        "ties, errors robust within persons and corrected for few people, Student's t with people less one. Holm's "
+        "correction is over this table's planned comparisons."
     )
     ratios = [
         (contrast, _ratio(fitted[outcomes.experiment], contrast))
@@ -170,6 +172,8 @@ def _times(after: Sequence[Outcomes]) -> Table:
         Column("step_limit", "Out of actions", "count"),
         Column("failed", "Failed", "count"),
         Column("median", "Median", "number"),
+        Column("median_low", "95 % low", "number"),
+        Column("median_high", "high", "number"),
         Column("restricted_mean", "Restricted mean", "number"),
         Column("low", "95 % low", "number"),
         Column("high", "high", "number"),
@@ -177,9 +181,10 @@ def _times(after: Sequence[Outcomes]) -> Table:
     )
     rows = tuple(_time_row(outcomes, kind) for outcomes in after for kind in outcomes.kinds)
     note = (
-        "Actions over the fewest possible. Median: by when half of all drives had arrived; none if fewer did. "
-        "Restricted mean: whoever never arrives counts with the smallest limit of any drive of the experiment; "
-        "interval robust within persons."
+        "Actions over the fewest possible. Median: by when half of all drives had arrived; none if fewer did. Its "
+        "interval is a percentile bootstrap over people, without an end where half do not arrive in that many "
+        f"resamples, and there is none of fewer than {LEAST_PEOPLE} people. Restricted mean: whoever never arrives "
+        "counts with the smallest limit of any drive of the experiment; interval robust within persons."
     )
     return Table("drives_times", "Time to the goal by kind", columns, rows, note)
 
@@ -187,11 +192,12 @@ def _times(after: Sequence[Outcomes]) -> Table:
 def _time_row(outcomes: Outcomes, kind: str) -> tuple[str | int | float | None, ...]:
     rows, horizon = outcomes.of(kind), float(outcomes.frame["limit"].min())
     ends = [int((rows["end"] == end).sum()) for end in ("reached", "gave_up", "step_limit", "failed")]
-    times, shares = arrival_curve(rows["steps"], rows["right"])
-    median = float(times[np.argmax(shares >= 0.5)]) if shares[-1] >= 0.5 else None  # noqa: PLR2004 - a half
-    mean = mean_of_several(rows["participant"].tolist(), restricted(rows["steps"], rows["right"], horizon))
+    people, rng = rows["participant"].tolist(), stream(f"median/{outcomes.experiment}/{kind}")
+    median = median_time(rows["steps"], rows["right"])
+    ends_of_median = median_interval(people, rows["steps"], rows["right"], rng) or (None, None)
+    mean = mean_of_several(people, restricted(rows["steps"], rows["right"], horizon))
     return (
-        *(kind, outcomes.experiment, len(rows), *ends, median, mean.value),
+        *(kind, outcomes.experiment, len(rows), *ends, median, *ends_of_median, mean.value),
         *(mean.interval or (None, None)),
         horizon,
     )

@@ -12,6 +12,7 @@ from webapp.reports.formatting import counted, number
 from webapp.reports.kind_outcomes import (
     INTERVAL,
     SHARE_COLUMNS,
+    enough_people,
     logistic_assumptions,
     share_cells,
     stream,
@@ -190,13 +191,14 @@ def _model_blocks(models: dict[str, BinaryFit | str]) -> list[Block]:
             except Undefined as undefined:
                 statements.append(Statement(f"The odds ratio {words} of {name}", str(undefined)))
                 continue
-            rows.append((name, words, ratio.value, ratio.low, ratio.high, ratio.z, ratio.p_value))
+            rows.append((name, words, ratio.value, ratio.low, ratio.high, ratio.t, ratio.df, ratio.p_value))
     columns = (
         Column("compared", "Compared"),
         Column("part", "Part"),
         Column("ratio", "Odds ratio per point", "number"),
         *INTERVAL,
-        Column("z", "z", "number"),
+        Column("t", "t", "number"),
+        Column("df", "df", "count"),
         Column("p", "p", "p"),
     )
     note = (
@@ -218,6 +220,10 @@ def _assumptions(judged: Sequence[Judged]) -> list[Assumption]:
             "The labels of ratings are no probabilities, so only differences between kinds can be read.",
             "not checkable",
         ),
+        *enough_people(
+            "Felt minus measured and shares by rating",
+            [int(people) for each in judged for by in ("kind", "rating") for people in _people_by(each, by)],
+        ),
         Assumption(
             "Area under the curve and gamma",
             "There are enough people for the percentile bootstrap.",
@@ -231,6 +237,10 @@ def _assumptions(judged: Sequence[Judged]) -> list[Assumption]:
             "not checkable",
         ),
     ]
+
+
+def _people_by(judged: Judged, column: str) -> list[int]:
+    return [int(people) for people in judged.frame.groupby(column)["participant"].nunique()]
 
 
 def _per_person(judged: Sequence[Judged]) -> float:

@@ -1,19 +1,22 @@
 """Whether people reach the goal after an explanation, and foresee the agent: measured understanding, not felt."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from webapp.analysis.binary_outcomes import BinaryFit
 from webapp.analysis.shares import mean_of_several, share_of
 from webapp.explainer.pictures.figure_style import BLUE, GREY, VERMILION
-from webapp.reports.blocks import Assumption, Block, Column, Figure, Section, Statement, Table
+from webapp.reports.blocks import Assumption, Block, Cell, Column, Figure, Section, Statement, Table
 from webapp.reports.formatting import counted
 from webapp.reports.kind_outcomes import (
     MARGINAL_COLUMNS,
     SHARE_COLUMNS,
     Outcomes,
     drives_of,
+    enough_people,
     experiments,
     logistic_assumptions,
     marginal_cells,
@@ -23,6 +26,7 @@ from webapp.reports.kind_outcomes import (
     ratio_blocks,
     share_cells,
 )
+from webapp.reports.read_exclusions import BEFORE_RATING
 from webapp.reports.sections.arrivals import arrival_assumptions, arrival_blocks, arrival_models
 from webapp.reports.study_data import StudyData
 from webapp.reports.whereabouts import Unknown, whereabouts
@@ -32,9 +36,11 @@ if TYPE_CHECKING:
 
 _ODDS_NOTE = (
     "Odds of the first kind over those of the second, of the same person, by the mixed logistic model with kind, "
-    "layout and position as effects and an intercept per person; Wald's intervals. Holm's correction is over this "
-    "table's planned comparisons, a family of its own."
+    "layout and position as effects and an intercept per person; Wald's intervals by Student's t. Holm's correction is "
+    "over this table's planned comparisons, a family of its own."
 )
+_WITHOUT_FAULT = (None, "incomplete", BEFORE_RATING)
+"""Reasons for not being analysed that say nothing against whoever left."""
 
 
 def section(data: StudyData) -> Section:
@@ -50,6 +56,10 @@ def section(data: StudyData) -> Section:
         *_model_assumptions("drives", drive_models),
         *arrival_assumptions(after, arrivals),
         *_model_assumptions("predictions", probe_models),
+        *enough_people(
+            "Cluster intervals of shares, gains and restricted means",
+            [outcomes.of(kind)["participant"].nunique() for outcomes in (*after, *probes) for kind in outcomes.kinds],
+        ),
     ]
     return Section("drives", "Measured understanding: drives and predictions", tuple(blocks), tuple(assumptions))
 
@@ -125,7 +135,7 @@ def _lower_bounds(data: StudyData, after: Sequence[Outcomes]) -> list[Block]:
     left = Counter(
         person.arm_at_hand
         for person in people
-        if (person.has_left or person.is_open) and person.page_kind == "drive" and person.reason in (None, "incomplete")
+        if (person.has_left or person.is_open) and person.page_kind == "drive" and person.reason in _WITHOUT_FAULT
     )
     if not left:
         return ["Nobody who might be analysed left with a drive before them, so no share is too large for that reason."]
@@ -152,27 +162,41 @@ def _lower_bounds(data: StudyData, after: Sequence[Outcomes]) -> list[Block]:
     return [Table("drives_lower_bounds", title, columns, tuple(rows), note)]
 
 
-def _gain_blocks(data: StudyData, of: Sequence[str]) -> list[Block]:
-    rows = []
+def _pairs_of_drives(data: StudyData, of: Sequence[str]) -> Iterator[tuple[str, str, pd.DataFrame]]:
+    """Yield experiment, kind and its trials with a drive before and one after, where there are some."""
     for experiment in of:
         before, after = drives_of(data, experiment, "before"), drives_of(data, experiment, "after")
         if before is None or after is None:
             continue
         key = ["participant", "trial"]
         joined = after.frame.merge(before.frame[[*key, "right"]], on=key, suffixes=("", "_before"))
-        joined = joined.assign(gain=joined["right"].astype(int) - joined["right_before"].astype(int))
         for kind in after.kinds:
             of_kind = joined[joined["kind"] == kind]
-            if of_kind.empty:
-                continue
-            gain = mean_of_several(of_kind["participant"].tolist(), of_kind["gain"])
-            failed = of_kind[~of_kind["right_before"]]
-            shares = (float(of_kind["right_before"].mean()), float(of_kind["right"].mean()))
-            of_failed = float(failed["right"].mean()) if len(failed) else None
-            interval = gain.interval or (None, None)
-            rows.append((kind, experiment, len(of_kind), *shares, gain.value, *interval, len(failed), of_failed))
-    if not rows:
-        return []
+            if len(of_kind):
+                yield experiment, kind, of_kind
+
+
+def _gain_blocks(data: StudyData, of: Sequence[str]) -> list[Block]:
+    rows = []
+    shares = []
+    for experiment, kind, trials in _pairs_of_drives(data, of):
+        gains = trials["right"].astype(int) - trials["right_before"].astype(int)
+        gain = mean_of_several(trials["participant"].tolist(), gains)
+        failed = trials[~trials["right_before"]]
+        means = (float(trials["right_before"].mean()), float(trials["right"].mean()))
+        of_failed = float(failed["right"].mean()) if len(failed) else None
+        interval = gain.interval or (None, None)
+        rows.append((kind, experiment, len(trials), *means, gain.value, *interval, len(failed), of_failed))
+        parts = (("before", trials, "right_before"), ("after", trials, "right"), ("failed, after", failed, "right"))
+        shares += [
+            (kind, experiment, part, *share_cells(share_of(chosen["participant"].tolist(), chosen[column])))
+            for part, chosen, column in parts
+            if len(chosen)
+        ]
+    return [_gain_table(rows), _gain_shares(shares)] if rows else []
+
+
+def _gain_table(rows: Sequence[tuple[Cell, ...]]) -> Table:
     columns = (
         Column("kind", "Kind"),
         Column("experiment", "Experiment"),
@@ -187,10 +211,24 @@ def _gain_blocks(data: StudyData, of: Sequence[str]) -> list[Block]:
     )
     note = (
         "Gain: the share that reached the goal after the explanation less that before it, over trials with both "
-        "drives; interval robust within persons. Whoever reached it before has nothing to gain, and was told so. "
-        "Kinds with a drive before give more practice than those without."
+        "drives; interval robust within persons, by Student's t. Whoever reached it before has nothing to gain, and "
+        "was told so. Kinds with a drive before give more practice than those without. The next table has the "
+        "intervals of the shares."
     )
-    return [Table("drives_gain", "Gain from before to after the explanation", columns, tuple(rows), note)]
+    return Table("drives_gain", "Gain from before to after the explanation", columns, tuple(rows), note)
+
+
+def _gain_shares(rows: Sequence[tuple[Cell, ...]]) -> Table:
+    columns = (
+        Column("kind", "Kind"),
+        Column("experiment", "Experiment"),
+        Column("part", "Drives"),
+        Column("num", "Reached", "count"),
+        Column("total", "Drives", "count"),
+        *SHARE_COLUMNS,
+    )
+    note = "Failed, after: those after the explanation of trials in which the drive before failed. Intervals at 95 %."
+    return Table("drives_gain_shares", "Shares before and after the explanation", columns, tuple(rows), note)
 
 
 def _probe_blocks(data: StudyData, probes: Sequence[Outcomes], fitted: dict[str, BinaryFit | str]) -> list[Block]:

@@ -1,15 +1,15 @@
 """The planned comparisons: ordinal mixed models of the ratings, one per item and experiment (probit link)."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
-from webapp.analysis.censoring import Undefined
-from webapp.analysis.means import shapiro_wilk
 from webapp.analysis.planned_comparisons import Comparison, Comparisons, Place, compare_kinds
-from webapp.analysis.planned_model import Effect, PlannedFit, RatioTest, check_shape, fit_planned
-from webapp.reports.blocks import Assumption, Block, Cell, Column, Section, Statement, Table, Verdict
+from webapp.analysis.planned_model import Effect, PlannedFit, RatioTest
+from webapp.reports.blocks import Block, Cell, Column, Section, Statement, Table
+from webapp.reports.sections.ordinal_assumptions import on_other_layouts, ordinal_assumptions
 from webapp.reports.sections.ordinal_figures import distribution_figures, forest_figure
 from webapp.reports.sections.paper_numbers import COMPARISONS
+from webapp.reports.sections.rated import rated_experiments
 from webapp.reports.study_data import StudyData
 from webapp.study.intervals import t_quantile
 
@@ -18,12 +18,10 @@ _INTRODUCTION = (
     "sign than the difference of the opinions behind them (Liddell and Kruschke 2018). The planned model takes each "
     "rating for an interval of a latent opinion that varies between people and within them: a cumulative link mixed "
     "model with a probit link, effects of kind, layout and position, and a random intercept per participant, fitted by "
-    "adaptive Gauss-Hermite quadrature with 11 nodes. d is the difference of two kinds in standard deviations of the "
+    "adaptive Gauss-Hermite quadrature. d is the difference of two kinds in standard deviations of the "
     "latent opinion, over people and within them; p values are of Wald's test by Student's t with the degrees of "
     "freedom within people, two-sided."
 )
-_LEAST_TESTED = 8
-"""With fewer intercepts a test of their shape says nothing."""
 
 
 def section(data: StudyData) -> Section:
@@ -35,16 +33,17 @@ def section(data: StudyData) -> Section:
         f"The {plan.num_tests} comparisons are {whose}. All of them together are one family: p values are corrected by "
         f"Holm's method, and a difference is found where the corrected one is below {plan.alpha:g}."
     )
-    blocks: list[Block] = [_INTRODUCTION, family, _comparisons_table(found)]
+    blocks: list[Block] = [_INTRODUCTION, family, _comparisons_table(found, data)]
     blocks += [Statement(_named(test), test.missing) for test in found.tests if test.effect is None]
     if any(test.effect is not None for test in found.tests):
         blocks.append(forest_figure(found))
     blocks += [*distribution_figures(data), _models_table(found), _coefficients_table(found), _odds_table(data)]
     blocks += _aliased(found)
-    return Section("ordinal", "Planned comparisons", tuple(blocks), tuple(_assumptions(found)))
+    return Section("ordinal", "Planned comparisons", tuple(blocks), tuple(ordinal_assumptions(found)))
 
 
-def _comparisons_table(found: Comparisons) -> Table:
+def _comparisons_table(found: Comparisons, data: StudyData) -> Table:
+    paper = {rated.id for rated in rated_experiments(data) if rated.paper}
     columns = (
         Column("experiment", "Experiment"),
         Column("item", "Item"),
@@ -57,29 +56,42 @@ def _comparisons_table(found: Comparisons) -> Table:
         Column("p", "p", "p"),
         Column("p_holm", "p (Holm)", "p"),
         Column("found", "Conclusion"),
-        Column("paper", "Paper"),
+        *([Column("paper", "Paper")] if paper else []),
     )
+    rows = (_comparison_row(test) + ((_claim(test, paper),) if paper else ()) for test in found.tests)
+    claims = " The paper's column is what its text says of these kinds." if paper else ""
     return Table(
         "planned_comparisons",
         "Planned comparisons of kinds of explanation",
         columns,
-        tuple(_comparison_row(test) for test in found.tests),
-        note="d above 0: the first kind is rated higher. The paper's column is what its text says of these kinds.",
+        tuple(rows),
+        note=f"d above 0: the first kind is rated higher.{claims}{_with_layout(found)}",
     )
+
+
+def _with_layout(found: Comparisons) -> str:
+    """Return which comparisons are of kind and layout together, as a sentence."""
+    told = {
+        f"{contrast} in experiment {place[0]}": None
+        for place in found.models
+        for contrast in on_other_layouts(found, place)
+    }
+    return f" Of kind and layout together, which were not seen apart: {'; '.join(told)}." if told else ""
 
 
 def _comparison_row(test: Comparison) -> tuple[Cell, ...]:
     ends: tuple[Cell, ...] = (test.contrast.experiment, test.item, str(test.contrast))
-    claim = _claim(test)
     if test.effect is None:
-        return (*ends, *[None] * 7, "not determined", claim)
+        return (*ends, *[None] * 7, "not determined")
     effect = test.effect
     numbers = (effect.d, effect.d_low, effect.d_high, effect.z, effect.df, effect.p_value, test.p_holm)
-    return (*ends, *numbers, conclusion(test), claim)
+    return (*ends, *numbers, conclusion(test))
 
 
-def _claim(test: Comparison) -> str | None:
-    """Return what the paper says of the two kinds, whatever the experiment is called here."""
+def _claim(test: Comparison, paper: Collection[str]) -> str | None:
+    """Return what the paper says of the two kinds, in experiments that are the paper's."""
+    if test.contrast.experiment not in paper:
+        return None
     kinds = frozenset({test.contrast.first, test.contrast.second})
     found = (told.text for (_, named, item), told in COMPARISONS.items() if (named, item) == (kinds, test.item))
     return next(found, None)
@@ -146,7 +158,18 @@ def _coefficients_table(found: Comparisons) -> Table:
         if isinstance(model, PlannedFit)
         for row in _coefficient_rows(place, model)
     )
-    return Table("ordinal_coefficients", "Coefficients and thresholds", columns, tuple(rows))
+    references = dict.fromkeys(
+        _reference(place[0], model) for place, model in found.models.items() if isinstance(model, PlannedFit)
+    )
+    note = f"Compared with: {'; '.join(references)}." if references else ""
+    return Table("ordinal_coefficients", "Coefficients and thresholds", columns, tuple(rows), note)
+
+
+def _reference(experiment: str, model: PlannedFit) -> str:
+    """Name the levels that have no coefficient because the others are compared with them."""
+    factors = [factor for factor in ("layout", "position") if factor in model.columns]
+    firsts = [f"kind {model.kinds[0]}", *(f"{factor} {min(model.frame[factor].unique())}" for factor in factors)]
+    return f"in experiment {experiment} {', '.join(firsts)}"
 
 
 def _coefficient_rows(place: Place, model: PlannedFit) -> Iterator[tuple[Cell, ...]]:
@@ -189,75 +212,18 @@ def _odds(effect: Effect) -> tuple[float, float, float]:
 def _aliased(found: Comparisons) -> Iterator[Block]:
     """Say what the design cannot tell apart, each thing once."""
     told: dict[tuple[str, str], list[str]] = {}
-    for (experiment, item), model in found.models.items():
+    for place, model in found.models.items():
         for words in model.aliased if isinstance(model, PlannedFit) else ():
-            told.setdefault((experiment, words), []).append(item)
+            left_out = f"{words}; it is left out of the model{_what_is_compared(words, found, place)}"
+            told.setdefault((place[0], left_out), []).append(place[1])
     for (experiment, words), items in told.items():
-        yield Statement(f"Experiment {experiment}, {', '.join(items)}", f"{words}; it is left out of the model")
+        yield Statement(f"Experiment {experiment}, {', '.join(items)}", words)
 
 
-def _assumptions(found: Comparisons) -> Iterator[Assumption]:
-    for (experiment, item), model in found.models.items():
-        if isinstance(model, PlannedFit):
-            name = f"Ordinal mixed model, experiment {experiment}, {item}"
-            yield _shape(name, model)
-            yield from _intercepts(name, model)
-            yield _quadrature(name, model)
-
-
-def _shape(name: str, model: PlannedFit) -> Assumption:
-    assumes = "A kind moves the whole latent opinion: it shifts all thresholds by the same amount."
-    try:
-        found = check_shape(model)
-    except Undefined as undefined:
-        return Assumption(name, assumes, f"Not testable: {undefined}.", "not checkable")
-    test = found.ratio
-    told = f"Likelihood-ratio test against thresholds of each kind's own: χ²({test.df}) = {test.statistic:.2f}, "
-    together = f" with the ratings {found.words} told apart" if any(len(bin_) > 1 for bin_ in found.bins) else ""
-    return Assumption(name, assumes, f"{told}p = {test.p_value:.3g}{together}.", _verdict(test.p_value))
-
-
-def _intercepts(name: str, model: PlannedFit) -> Iterator[Assumption]:
-    fit, assumes = model.fit, "People's intercepts are drawn from a normal distribution."
-    if not fit.has_person_effect:
-        told = "Nobody rated this item more than once, so the model has no intercepts."
-        yield Assumption(name, "Ratings are independent: one per person.", told, "by design")
-        return
-    yield Assumption(
-        name,
-        "Given the intercept, a person's ratings are independent.",
-        f"{fit.num_ratings} ratings of {fit.num_people} people; each kind's trial stands on a page of its own.",
-        "by design",
-    )
-    if fit.num_people < _LEAST_TESTED or float(fit.intercepts.std()) < 1e-6:  # noqa: PLR2004 - all alike
-        yield Assumption(name, assumes, f"{fit.num_people} people, or no spread between them.", "not checkable")
-        return
-    try:
-        p_value = shapiro_wilk(fit.intercepts).p_value
-    except Undefined as undefined:
-        yield Assumption(name, assumes, f"{undefined}.", "not checkable")
-        return
-    told = (
-        f"Shapiro-Wilk test of the {fit.num_people} most probable intercepts: p = {p_value:.3g}; it is a rough guide."
-    )
-    yield Assumption(name, assumes, told, _verdict(p_value))
-
-
-def _quadrature(name: str, model: PlannedFit) -> Assumption:
-    assumes = "The quadrature is exact enough."
-    try:
-        finer = fit_planned(model.frame, model.kinds, num_nodes=31)
-    except Undefined as undefined:
-        return Assumption(name, assumes, f"No fit with 31 nodes: {undefined}.", "not checkable")
-    change = max((abs(a - b) for a, b in zip(finer.fit.coefficients, model.fit.coefficients, strict=True)), default=0.0)
-    told = f"With 31 nodes instead of 11 no coefficient changes by more than {max(change, 1e-6):.0e}."
-    return Assumption(name, assumes, told, "holds" if change < 1e-3 else "doubtful")  # noqa: PLR2004
-
-
-def _verdict(p_value: float) -> Verdict:
-    if p_value >= 0.05:  # noqa: PLR2004 - the usual level
-        return "holds"
-    return "doubtful" if p_value >= 0.001 else "violated"  # noqa: PLR2004
+def _what_is_compared(words: str, found: Comparisons, place: Place) -> str:
+    """Return what a comparison is of where layouts go with kinds."""
+    apart = on_other_layouts(found, place) if words.startswith("layout") else ()
+    return f", so that {' and '.join(apart)} tell of kind and layout together" if apart else ""
 
 
 def _named(test: Comparison) -> str:

@@ -8,6 +8,7 @@ import pandas as pd
 from webapp.analysis.planned_comparisons import Comparison, Comparisons, ratings_of
 from webapp.explainer.pictures.figure_style import BLUE, GREY, INK, VERMILION
 from webapp.reports.blocks import Figure
+from webapp.reports.kind_outcomes import kinds_of
 from webapp.reports.study_data import StudyData
 
 if TYPE_CHECKING:
@@ -97,10 +98,11 @@ def _distribution(data: StudyData, experiment: str, items: list[str]) -> Figure:
 
 
 def _shares(data: StudyData, experiment: str, item: str) -> pd.DataFrame:
-    """Return kinds x ratings, from 1 to the item's points."""
+    """Return kinds, in the order of the study, x ratings, from 1 to the item's points."""
     frame = ratings_of(data.ratings, (experiment, item))
     points = range(1, data.points.get((experiment, item), int(frame["rating"].max())) + 1)
-    return pd.crosstab(frame["kind"], frame["rating"], normalize="index").reindex(columns=points, fill_value=0.0)
+    shares = pd.crosstab(frame["kind"], frame["rating"], normalize="index")
+    return shares.reindex(index=list(kinds_of(data, experiment, frame["kind"])), columns=points, fill_value=0.0)
 
 
 def _fill_distribution(canvas: "Canvas", shares: dict[str, pd.DataFrame]) -> None:

@@ -6,7 +6,7 @@ from itertools import cycle
 from typing import TYPE_CHECKING
 
 from webapp.analysis.means import Described
-from webapp.explainer.pictures.figure_style import BLUE, GREEN, GREY, INK, SKY, VERMILION
+from webapp.explainer.pictures.figure_style import BLACK, BLUE, GREEN, GREY, INK, SKY, VERMILION
 from webapp.reports.blocks import Figure
 from webapp.reports.formatting import counted
 from webapp.reports.sections.paper_numbers import CELLS, MEANS
@@ -22,21 +22,29 @@ _MOST_BARS = 20
 """In one row of a figure, so that their numbers do not touch."""
 
 _MOST_IN_LEGEND = 5
-"""In one row."""
+"""In one row, where its words are short."""
+
+_LEGEND_KEY, _LEGEND_LETTER = 0.5, 0.075
+"""Inches that an entry takes for its patch, and for each letter."""
+
+_PINK, _ORANGE = "#CC79A7", "#E69F00"
+"""The rest of Okabe and Ito's colours, but for yellow, which is lost on white."""
 
 _LOOKS = (
     (BLUE, ""),
     (VERMILION, "////"),
     (GREEN, "...."),
     (SKY, "xxxx"),
-    (GREY, ""),
-    (BLUE, "\\\\\\\\"),
-    (VERMILION, "...."),
-    (GREEN, "xxxx"),
-    (SKY, "////"),
-    (GREY, "||||"),
+    (BLACK, ""),
+    (GREY, "\\\\\\\\"),
+    (_PINK, "||||"),
+    (_ORANGE, "----"),
+    (BLUE, "...."),
+    (VERMILION, "xxxx"),
+    (GREEN, "////"),
+    (SKY, ""),
 )
-"""Colour and hatching of the kinds in turn: told apart without colour too."""
+"""Colour and hatching of the kinds in turn, told apart without colour too; the colours are those of the curves."""
 
 _GRID = "#E4E4E4"
 
@@ -55,9 +63,7 @@ def bars_figure(rated: Rated, described: Means) -> Figure:
     rows = _rows(rated)
     told = [
         f"{item}: "
-        + ", ".join(
-            f"{_words(kind)} {described[kind, item].mean:.2f}" for kind in rated.kinds if (kind, item) in described
-        )
+        + ", ".join(f"{kind} {described[kind, item].mean:.2f}" for kind in rated.kinds if (kind, item) in described)
         for item in rated.items
     ]
     title = f"Mean ratings in experiment {rated.id} by item and kind of explanation, with 95 % t intervals"
@@ -84,10 +90,6 @@ def interaction_figure(rated: Rated, cells: Cells, classes: tuple[str, str, str,
     title += "; diamonds are the paper's means" if rated.paper == "1" else ""
     fill = lambda canvas: _fill_cells(canvas, rated, cells, classes)
     return Figure(f"interaction_cells_{rated.id}", title, f"Mean general rating: {told}.", (5.2, 3.2), fill)
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")
 
 
 def _has_paper(rated: Rated, *, exact: bool) -> bool:
@@ -118,12 +120,14 @@ def _fill_bars(canvas: "Canvas", rated: Rated, described: Means) -> None:
             _draw_kind(axes, rated, described, items, place, kind)
         axes.set(ylim=(1, points + 0.3), ylabel="mean rating", xlim=(-0.5, widest - 0.5))
         axes.set_yticks(range(1, points + 1))
-        axes.set_xticks(range(len(items)), [_words(item) for item in items])
+        axes.set_xticks(range(len(items)), items)
         axes.tick_params(axis="x", length=0, labelsize=8)
         axes.grid(axis="y", color=_GRID, linewidth=0.6)
         axes.set_axisbelow(True)
     handles = _legend(rated)
-    num_columns = math.ceil(len(handles) / math.ceil(len(handles) / _MOST_IN_LEGEND))
+    longest = max(len(str(handle.get_label())) for handle in handles)
+    fitting = min(_MOST_IN_LEGEND, max(1, int(_WIDTH / (_LEGEND_KEY + _LEGEND_LETTER * longest))))
+    num_columns = math.ceil(len(handles) / math.ceil(len(handles) / fitting))
     canvas.legend(handles=handles, loc="outside upper left", ncols=num_columns, frameon=False)
 
 
@@ -173,7 +177,7 @@ def _legend(rated: Rated) -> "list[Artist]":
     from matplotlib.patches import Patch  # noqa: PLC0415 - the same.
 
     handles: list[Artist] = [
-        Patch(facecolor=colour, hatch=hatch, edgecolor="white", linewidth=0, label=_words(kind))
+        Patch(facecolor=colour, hatch=hatch, edgecolor="white", linewidth=0, label=kind)
         for kind, (colour, hatch) in zip(rated.kinds, cycle(_LOOKS))
     ]
     for marker, label, exact in (("D", "the paper's mean", True), ("^", "the paper: above this", False)):

@@ -28,10 +28,11 @@ from webapp.reports.sections.rated import (
     interval_scale,
     rated_experiments,
     rejections,
+    titled,
 )
 from webapp.reports.study_data import StudyData
 
-_TITLE = "The paper's analysis, as printed: what the general rating goes with"
+_TITLE = "what the general rating goes with"
 _CAVEATS = (
     "As in the paper, all kinds of explanation are pooled, and both factors are ratings themselves, cut above the "
     "middle of their scale (1 to 3 against 4 and 5 where there are five points). They are therefore measured, not "
@@ -59,7 +60,7 @@ def section(data: StudyData) -> Section:
         blocks.append(Statement("correlations with the general rating", "there are 0 experiments"))
     if any(not isinstance(block, Statement) for block in blocks):
         blocks[:0] = [_CAVEATS, TYPES]
-    return Section("paper_interaction", _TITLE, tuple(blocks), tuple(assumptions))
+    return Section("paper_interaction", titled(data, _TITLE), tuple(blocks), tuple(assumptions))
 
 
 def _correlations(made: Cut) -> Iterator[Block]:

@@ -18,15 +18,18 @@ from webapp.reports.sections.rated import (
     interval_scale,
     rated_experiments,
     rejections,
+    titled,
+    told_apart,
 )
 from webapp.reports.study_data import StudyData
 
-_TITLE = "The paper's analysis, as printed: ratings by kind"
+_TITLE = "ratings by kind"
 _INTRODUCTION = (
-    "This section and the next two repeat what Sakai et al. 2021, section 6, report, in the way in which they do. It "
+    "This section and the next two compute what Sakai et al. 2021, section 6, report, in the way in which they do. It "
     "is not the planned analysis: means take the steps of a scale for equal, and the tests take the ratings of one "
-    "person for those of several. Where the paper prints a number it stands beside ours."
+    "person for those of several."
 )
+_BESIDE = " Where the paper prints a number it stands beside ours."
 _TEST = (
     "The paper does not name the tests behind its bar charts. Here they are two-sided unpaired t tests with equal "
     "variances (Student's), because the other tests that it names are unpaired t tests; the choice is ours. Nothing is "
@@ -37,12 +40,13 @@ _UNPAIRED = "unpaired t tests of kinds, experiment {}"
 
 def section(data: StudyData) -> Section:
     """Describe each kind on each item, and compare all pairs of kinds."""
-    blocks: list[Block] = [_INTRODUCTION]
-    assumptions: list[Assumption] = []
     experiments = rated_experiments(data)
+    title, apart = titled(data, _TITLE), told_apart(data, experiments)
+    blocks: list[Block] = [_INTRODUCTION, apart] if apart else [_INTRODUCTION + _BESIDE]
+    assumptions: list[Assumption] = []
     if not any(len(rated.frame) for rated in experiments):
         blocks.append(Statement("means of ratings", "there are 0 ratings"))
-        return Section("paper_ratings", _TITLE, tuple(blocks))
+        return Section("paper_ratings", title, tuple(blocks))
     blocks.append(_TEST)
     for rated in experiments:
         if rated.frame.empty:
@@ -51,7 +55,7 @@ def section(data: StudyData) -> Section:
         described = _described(rated)
         blocks += [bars_figure(rated, described), _means_table(rated, described), *_comparisons(rated)]
         assumptions += _assumptions(rated)
-    return Section("paper_ratings", _TITLE, tuple(blocks), tuple(assumptions))
+    return Section("paper_ratings", title, tuple(blocks), tuple(assumptions))
 
 
 def _described(rated: Rated) -> dict[tuple[str, str], Described]:
@@ -121,7 +125,7 @@ def _comparisons(rated: Rated) -> Iterator[Block]:
             rows.append((item, f"{first} {MINUS} {second}", *_numbers(found), *paper))
             p_values += [found.p_two_sided] if found else []
     title = f"Kinds of explanation compared in experiment {rated.id}, uncorrected"
-    yield Table(f"kind_comparisons_{rated.id}", title, tuple(columns), tuple(rows), _chance_note(p_values))
+    yield Table(f"kind_comparisons_{rated.id}", title, tuple(columns), tuple(rows), _note(rated, p_values))
     yield from undecided.statements(f"unpaired t test in experiment {rated.id}")
 
 
@@ -138,6 +142,13 @@ def _numbers(found: MeanDifference | None) -> tuple[Cell, ...]:
         return (None,) * 6
     gap = found.difference
     return gap.value, gap.low, gap.high, found.statistic, int(found.degrees_of_freedom), found.p_two_sided
+
+
+def _note(rated: Rated, p_values: list[float]) -> str:
+    chosen = (
+        f"Of {len(rated.kinds)} kinds only the planned pairs are compared. " if rated.compares_planned_pairs else ""
+    )
+    return (chosen + _chance_note(p_values)).strip()
 
 
 def _chance_note(p_values: list[float]) -> str:

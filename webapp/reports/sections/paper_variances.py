@@ -19,10 +19,11 @@ from webapp.reports.sections.rated import (
     interval_scale,
     rated_experiments,
     rejections,
+    titled,
 )
 from webapp.reports.study_data import StudyData
 
-_TITLE = "The paper's analysis, as printed: how far general ratings scatter"
+_TITLE = "how far general ratings scatter"
 _INTRODUCTION = (
     "For Experiment 2 the paper compares the variances of the general rating of two kinds, by their numbers alone: "
     "which test it used, if any, is unknown. Here are the F test, which is the usual and the least trustworthy one for "
@@ -49,7 +50,7 @@ def section(data: StudyData) -> Section:
             assumptions += _assumptions(rated)
     if not experiments:
         blocks.append(Statement("variances of the general rating", "there are 0 experiments"))
-    return Section("paper_variances", _TITLE, tuple(blocks), tuple(assumptions))
+    return Section("paper_variances", titled(data, _TITLE), tuple(blocks), tuple(assumptions))
 
 
 def _variances(rated: Rated) -> Iterator[Block]:
@@ -99,6 +100,8 @@ def _tests(rated: Rated) -> Iterator[Block]:
     note = (
         "People with both are those with one rating of each kind. The F test's ratio and interval are of all ratings."
     )
+    if rated.compares_planned_pairs:
+        note += f" Of {len(rated.kinds)} kinds only the planned pairs are compared."
     yield Table(f"variance_tests_{rated.id}", title, columns, rows, note)
     yield from undecided.statements(f"comparison of variances in experiment {rated.id}")
     if rated.paper == "2":

@@ -14,8 +14,8 @@ from webapp.analysis.means import row
 from webapp.analysis.multiplicity import holm
 from webapp.analysis.two_samples import TestResult
 from webapp.reports.blocks import Assumption, Statement, Verdict
-from webapp.reports.formatting import number, p_clause
-from webapp.reports.sections.paper_numbers import PaperExperiment, paper_experiment
+from webapp.reports.formatting import listed, number, p_clause
+from webapp.reports.sections.paper_numbers import ITEMS, PaperExperiment, paper_experiment
 from webapp.reports.study_data import StudyData
 from webapp.study.analysis_plan import FOCAL_KINDS
 from webapp.study.experiments import Experiment
@@ -23,6 +23,11 @@ from webapp.study.experiments import Experiment
 ALPHA = 0.05
 _MOST_SUBJECTS = 6
 """A statement names up to so many things that it is about."""
+
+MOST_KINDS = 4
+"""Of up to so many kinds all pairs are compared, of more the planned ones."""
+
+_PAPERS_POINTS = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,6 +41,7 @@ class Rated:
         points: `[items]`: how many points the scale of each has.
         frame: Its ratings.
         unasked: Kinds and items that do not go together by design, as where nothing was explained.
+        planned: Pairs of kinds that are planned to be compared.
     """
 
     id: str
@@ -44,11 +50,18 @@ class Rated:
     points: tuple[int, ...]
     frame: pd.DataFrame
     unasked: frozenset[tuple[str, str]] = frozenset()
+    planned: tuple[tuple[str, str], ...] = ()
 
     @property
     def paper(self) -> PaperExperiment | None:
-        """The experiment of the paper that it repeats."""
-        return paper_experiment(self.kinds)
+        """The experiment of the paper that it repeats: with the same kinds, rated on five points."""
+        asked = [self.points_of(item) for item in ITEMS if item in self.items]
+        return paper_experiment(self.kinds) if all(points == _PAPERS_POINTS for points in asked) else None
+
+    @property
+    def compares_planned_pairs(self) -> bool:
+        """Whether it has so many kinds that only planned pairs are compared."""
+        return len(self.kinds) > MOST_KINDS and bool(self.planned)
 
     def ratings(self, kind: str, item: str) -> NDArray[np.float64]:
         """Return `[N]` the ratings of a kind on an item, by participant and trial."""
@@ -76,7 +89,13 @@ class Rated:
         return tuple(kind for kind in self.kinds if (kind, item) not in self.unasked)
 
     def pairs(self, item: str) -> tuple[tuple[str, str], ...]:
-        """Return all pairs of the kinds of an item, the one that the paper proposes first, if one of the two is."""
+        """Return the pairs of the kinds of an item that are compared.
+
+        Of many kinds these are the planned ones. Otherwise they are all, the kind that the paper proposes first, if one
+        of the two is.
+        """
+        if self.compares_planned_pairs:
+            return tuple(pair for pair in self.planned if set(pair) <= set(self.kinds_of(item)))
         return tuple(
             (b, a) if b in FOCAL_KINDS and a not in FOCAL_KINDS else (a, b)
             for a, b in combinations(self.kinds_of(item), 2)
@@ -115,6 +134,38 @@ def rated_experiments(data: StudyData) -> tuple[Rated, ...]:
     declared = {experiment.id: experiment for experiment in data.declared.experiments} if data.declared else {}
     names = _first_then_seen(tuple(declared), data.ratings["experiment"])
     return tuple(_rated(data, name, declared.get(name)) for name in names)
+
+
+def told_apart(data: StudyData, experiments: Sequence[Rated]) -> str:
+    """Say that a study is another than the paper's, and in what; nothing if one of its experiments is the paper's.
+
+    Args:
+        data: What is analysed.
+        experiments: Its experiments.
+    """
+    if any(rated.paper for rated in experiments):
+        return ""
+    kinds = list(dict.fromkeys(kind for rated in experiments for kind in rated.kinds))
+    points = sorted({each for rated in experiments for each in rated.points})
+    others = [f"of kinds of explanation ({listed(kinds)})"] if not any(map(_has_papers_kinds, experiments)) else []
+    if points != [_PAPERS_POINTS]:
+        others.append(f"of scales ({listed([str(each) for each in points], 'or')} points and not {_PAPERS_POINTS})")
+    return (
+        f"{data.study or 'This study'} is not the paper's study: its choice {listed([*others, 'of material'])} is "
+        "another one. Nothing here repeats a result of the paper or speaks against one; only the way of computing is "
+        "the paper's."
+    )
+
+
+def titled(data: StudyData, what: str) -> str:
+    """Return the title of a section of the paper's analysis.
+
+    Args:
+        data: What is analysed; only where the paper's own study is repeated is the analysis one that was printed.
+        what: The section is about.
+    """
+    is_papers = any(rated.paper for rated in rated_experiments(data))
+    return f"The paper's analysis, as printed: {what}" if is_papers else f"In the paper's way: {what}"
 
 
 def rejections(test: str, assumes: str, found: Sequence[TestResult], what: str) -> Assumption:
@@ -174,11 +225,25 @@ def _rated(data: StudyData, name: str, declared: Experiment | None) -> Rated:
     asked = {(kind, item.id) for kind in kinds for item in (declared.items_for(kind) if declared else ())}
     seen = set(zip(frame["kind"], frame["item"], strict=True))
     pairs = {(kind, item) for kind in kinds for item in items}
-    return Rated(name, kinds, items, points, frame, frozenset(pairs - asked - seen if declared else ()))
+    unasked = frozenset(pairs - asked - seen if declared else ())
+    return Rated(name, kinds, items, points, frame, unasked, _planned_pairs(data, name))
+
+
+def _planned_pairs(data: StudyData, experiment: str) -> tuple[tuple[str, str], ...]:
+    """Return the pairs that are planned to be compared or tested for equivalence, each once."""
+    pairs: dict[frozenset[str], tuple[str, str]] = {}
+    for each in (*data.plan.contrasts, *data.plan.equivalences):
+        if each.experiment == experiment:
+            pairs.setdefault(frozenset((each.first, each.second)), (each.first, each.second))
+    return tuple(pairs.values())
 
 
 def _first_then_seen(first: Sequence[str], seen: pd.Series) -> tuple[str, ...]:
     return (*first, *sorted(set(seen) - set(first)))
+
+
+def _has_papers_kinds(rated: Rated) -> bool:
+    return paper_experiment(rated.kinds) is not None
 
 
 def _listed(subjects: Sequence[str]) -> str:

@@ -8,10 +8,18 @@ import pandas as pd
 
 from webapp.analysis.censoring import Undefined
 from webapp.analysis.correlation import pearson, repeated_measures
-from webapp.analysis.reliability import Alpha, Omega, cronbach_alpha, mcdonald_omega
+from webapp.analysis.reliability import (
+    NUM_RESAMPLES,
+    Alpha,
+    Omega,
+    cronbach_alpha,
+    mcdonald_omega,
+    mean_correlation_interval,
+    omega_interval,
+)
 from webapp.reports.blocks import Assumption, Block, Column, Section, Statement, Table
 from webapp.reports.formatting import counted, listed, number
-from webapp.reports.kind_outcomes import experiments, kinds_of
+from webapp.reports.kind_outcomes import experiments, kinds_of, stream
 from webapp.reports.study_data import StudyData
 from webapp.study.experiments import SATISFACTION_ITEMS
 
@@ -99,7 +107,7 @@ def _scale(answered: list[_Answers]) -> tuple[list[Block], tuple[Assumption, ...
             omega = mcdonald_omega(each.items.to_numpy())
         except Undefined as undefined:
             statements.append(Statement(f"Omega {subject}", str(undefined)))
-        rows.append((each.kind, each.experiment, *_cells(alpha, omega)))
+        rows.append((each.kind, each.experiment, *_cells(each, alpha, omega)))
         assumptions += _assumptions(each, alpha, omega)
     columns = (
         Column("kind", "Kind"),
@@ -110,7 +118,11 @@ def _scale(answered: list[_Answers]) -> tuple[list[Block], tuple[Assumption, ...
         Column("low", "95 % low", "number"),
         Column("high", "high", "number"),
         Column("omega", "Omega", "number"),
+        Column("omega_low", "95 % low", "number"),
+        Column("omega_high", "high", "number"),
         Column("mean_correlation", "Mean r of items", "number"),
+        Column("mean_correlation_low", "95 % low", "number"),
+        Column("mean_correlation_high", "high", "number"),
     )
     introduction = (
         f"The {SCALE} was asked after each explanation. Reliability is told for each kind, so that every person is in "
@@ -118,8 +130,9 @@ def _scale(answered: list[_Answers]) -> tuple[list[Block], tuple[Assumption, ...
         "Whoever left an item out is not in the row."
     )
     note = (
-        "Alpha: Cronbach's with Feldt's interval. Omega: McDonald's, of one factor by maximum likelihood. The rows "
-        "are of the same people."
+        "Alpha: Cronbach's with Feldt's interval. Omega: McDonald's, of one factor by maximum likelihood. "
+        f"Intervals of omega and of the mean correlation: percentile bootstrap over people ({NUM_RESAMPLES} "
+        "resamples). The rows are of the same people."
     )
     table: list[Block] = (
         [Table("reliability", f"Reliability of the {SCALE}", columns, tuple(rows), note)] if rows else []
@@ -127,9 +140,14 @@ def _scale(answered: list[_Answers]) -> tuple[list[Block], tuple[Assumption, ...
     return [introduction, *table, *statements], tuple(assumptions)
 
 
-def _cells(alpha: Alpha, omega: Omega | None) -> tuple[float | int | None, ...]:
+def _cells(each: _Answers, alpha: Alpha, omega: Omega | None) -> tuple[float | int | None, ...]:
     told = (alpha.num_people, alpha.num_items, alpha.value, alpha.low, alpha.high)
-    return (*told, None if omega is None else omega.value, alpha.mean_correlation)
+    items, named = each.items.to_numpy(), f"{each.experiment}/{each.kind}"
+    of_mean = mean_correlation_interval(items, stream(f"mean correlation/{named}")) or (None, None)
+    if omega is None:
+        return (*told, None, None, None, alpha.mean_correlation, *of_mean)
+    of_omega = omega_interval(items, stream(f"omega/{named}")) or (None, None)
+    return (*told, omega.value, *of_omega, alpha.mean_correlation, *of_mean)
 
 
 def _assumptions(each: _Answers, alpha: Alpha, omega: Omega | None) -> list[Assumption]:

@@ -5,41 +5,39 @@ from dataclasses import dataclass
 
 from webapp.analysis.censoring import Undefined
 from webapp.analysis.paired import (
+    ENOUGH_FOR_T,
+    FEWEST_FOR_SHAPE,
     MOST_EXACT,
-    NUM_RESAMPLES,
     PairedT,
     Pairs,
     SignedRank,
+    is_normal_enough,
+    known_skewness,
     paired_t,
     pairs,
-    rank_biserial_interval,
     signed_rank,
-    skewness,
     skewness_error,
 )
-from webapp.analysis.unpaired_ranks import RankSum, rank_sum, rank_sum_interval
+from webapp.analysis.rank_intervals import rank_biserial_interval, rank_sum_interval
+from webapp.analysis.unpaired_ranks import RankSum, rank_sum
 from webapp.reports.blocks import Assumption, Block, Column, Section, Statement, Table, Verdict
 from webapp.reports.formatting import counted
-from webapp.reports.kind_outcomes import holm_over, stream
+from webapp.reports.kind_outcomes import holm_over
 from webapp.reports.study_data import StudyData
 from webapp.study.analysis_plan import Contrast
 
 _TITLE = "Robustness: tests without a model"
-_FEWEST_FOR_SHAPE = 8
-"""Skewness of fewer differences says nothing."""
-_ENOUGH_FOR_T = 30
 
 
 @dataclass(frozen=True, slots=True)
 class _Ranked:
-    """A rank test with the interval of its effect, and how skewed the differences are, None where that is unknown."""
+    """A rank test with the interval of its effect or why there is none, and the skewness, None where it is unknown."""
 
     contrast: Contrast
     item: str
     sides: Pairs
     test: SignedRank | RankSum
-    low: float
-    high: float
+    interval: tuple[float, float] | str
     skew: float | None
 
 
@@ -60,11 +58,9 @@ def section(data: StudyData) -> Section:
     sides = [_sides(data, contrast, item) for contrast, item in planned]
     ranked = [_ranked(*each, pair) for each, pair in zip(planned, sides, strict=True)]
     tested = [_t(pair) for pair in sides]
-    blocks: list[Block] = [_introduction(len(planned), [each for each in ranked if isinstance(each, _Ranked)])]
-    blocks += _rank_blocks(ranked)
-    blocks += _t_blocks(planned, tested)
-    assumptions = _rank_assumptions([each for each in ranked if isinstance(each, _Ranked)])
-    assumptions += _t_assumptions([each for each in ranked if isinstance(each, _Ranked)], tested)
+    made = [each for each in ranked if isinstance(each, _Ranked)]
+    blocks = [_introduction(len(planned), made), *_rank_blocks(ranked), *_t_blocks(planned, tested)]
+    assumptions = [*_rank_assumptions(made), *_t_assumptions(made, tested)]
     return Section("robustness", _TITLE, tuple(blocks), tuple(assumptions))
 
 
@@ -75,8 +71,9 @@ def _introduction(num_planned: int, ranked: Sequence[_Ranked]) -> str:
         "Each planned comparison on each item, by differences within persons: Wilcoxon's signed-rank test with Pratt's "
         "treatment of zeros, which counts every choice of signs up to "
         f"{MOST_EXACT} people and takes the normal limit, corrected for ties, beyond. The effect is the matched-pairs "
-        "rank-biserial correlation, from \N{MINUS SIGN}1 to 1, with a percentile bootstrap interval over people "
-        f"({NUM_RESAMPLES:,} resamples). Holm's correction is over {counted(num_planned, 'planned test')}."
+        "rank-biserial correlation, from \N{MINUS SIGN}1 to 1, with an interval on Fisher's z by the jackknife over "
+        "people and Student's t; where all differences lie on one side there is none. Holm's correction is over "
+        f"{counted(num_planned, 'planned test')}."
     )
     alone = sum(
         isinstance(each.test, SignedRank) and each.sides.first_only.size + each.sides.second_only.size > 0
@@ -106,17 +103,24 @@ def _ranked(contrast: Contrast, item: str, sides: Pairs) -> _Ranked | _Missing:
     if 0 in counts:
         kind = contrast.first if counts[0] == 0 else contrast.second
         return _Missing(contrast, item, f"nobody rated the kind {kind} on {item}")
-    rng = stream(f"robustness/{contrast.experiment}/{contrast}/{item}")
     try:
         if sides.is_within:
             test: SignedRank | RankSum = signed_rank(sides.differences)
-            low, high = rank_biserial_interval(sides.differences, rng)
         else:
             test = rank_sum(sides.first_only, sides.second_only)
-            low, high = rank_sum_interval(sides.first_only, sides.second_only, rng)
     except Undefined as undefined:
         return _Missing(contrast, item, _with_counts(sides, str(undefined)))
-    return _Ranked(contrast, item, sides, test, low, high, _skew(sides))
+    skew = known_skewness(sides.differences) if sides.is_within else None
+    return _Ranked(contrast, item, sides, test, _interval(sides), skew)
+
+
+def _interval(sides: Pairs) -> tuple[float, float] | str:
+    try:
+        if sides.is_within:
+            return rank_biserial_interval(sides.differences)
+        return rank_sum_interval(sides.first_only, sides.second_only)
+    except Undefined as undefined:
+        return str(undefined)
 
 
 def _with_counts(sides: Pairs, reason: str) -> str:
@@ -124,15 +128,6 @@ def _with_counts(sides: Pairs, reason: str) -> str:
         f"{sides.first.size} rated both, {sides.first_only.size} the first alone, {sides.second_only.size} the second"
     )
     return f"{reason} ({told})"
-
-
-def _skew(sides: Pairs) -> float | None:
-    if not sides.is_within or sides.first.size < _FEWEST_FOR_SHAPE:
-        return None
-    try:
-        return skewness(sides.differences)
-    except Undefined:
-        return None
 
 
 def _t(sides: Pairs) -> PairedT | str:
@@ -170,6 +165,11 @@ def _rank_blocks(ranked: Sequence[_Ranked | _Missing]) -> list[Block]:
     )
     blocks: list[Block] = [Table("robustness", title, columns, rows, note)] if rows else []
     blocks += [_statement("rank test", each) for each in ranked if isinstance(each, _Missing)]
+    blocks += [
+        _statement("interval of r", _Missing(each.contrast, each.item, each.interval))
+        for each in ranked
+        if isinstance(each, _Ranked) and isinstance(each.interval, str)
+    ]
     return blocks
 
 
@@ -186,7 +186,8 @@ def _rank_row(ranked: _Ranked, p_holm: float | None) -> tuple[str | int | float 
     else:
         told = (f"rank sum, {test.method}", test.num_first + test.num_second, None, test.u, None)
     name = (str(ranked.contrast), ranked.contrast.experiment, ranked.item)
-    return (*name, *told, test.p_value, p_holm, test.rank_biserial, ranked.low, ranked.high, ranked.skew)
+    interval = (None, None) if isinstance(ranked.interval, str) else ranked.interval
+    return (*name, *told, test.p_value, p_holm, test.rank_biserial, *interval, ranked.skew)
 
 
 def _t_blocks(planned: Sequence[tuple[Contrast, str]], tested: Sequence[PairedT | str]) -> list[Block]:
@@ -262,7 +263,7 @@ def _rank_assumptions(ranked: Sequence[_Ranked]) -> list[Assumption]:
 def _symmetry(ranked: Sequence[_Ranked]) -> tuple[str, Verdict]:
     known = [(abs(each.skew) / skewness_error(each.sides.first.size), each) for each in ranked if each.skew is not None]
     if not known:
-        return f"No test has {_FEWEST_FOR_SHAPE} differences or more that vary.", "not checkable"
+        return f"No test has {FEWEST_FOR_SHAPE} differences or more that vary.", "not checkable"
     far = [each for size, each in known if size > 1.96]  # noqa: PLR2004 - the 97.5 % quantile
     size, worst = max(known, key=lambda each: each[0])
     check = (
@@ -278,15 +279,16 @@ def _t_assumptions(ranked: Sequence[_Ranked], tested: Sequence[PairedT | str]) -
     sizes = [each.num_people for each in tested if isinstance(each, PairedT)]
     if not sizes:
         return []
-    check, verdict = _symmetry([each for each in ranked if isinstance(each.test, SignedRank)])
-    fewest = min(sizes)
-    if fewest >= _ENOUGH_FOR_T and verdict == "doubtful":
-        verdict = "holds"
+    paired = [each for each in ranked if isinstance(each.test, SignedRank)]
+    check, _ = _symmetry(paired)
+    known = [(each.skew, each.sides.first.size) for each in paired if each.skew is not None]
+    far = sum(not is_normal_enough(skew, size) for skew, size in known)
     normal = Assumption(
         "Paired t",
-        "The mean difference is normal, which from some thirty people on it nearly is.",
-        f"At least {counted(fewest, 'person', 'people')} per test. {check}",
-        verdict,
+        f"The mean difference is normal, which from {ENOUGH_FOR_T} people on it nearly is unless they are skewed.",
+        f"At least {counted(min(sizes), 'person', 'people')} per test. {check} In {far} of {len(known)} there are "
+        f"fewer than {ENOUGH_FOR_T} people or than 25 times the squared skewness (Cochran 1977).",
+        "not checkable" if not known else "doubtful" if far else "holds",
     )
     return [normal, _independence("Paired t")]
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from webapp.analysis.planned_comparisons import Comparison, compare_kinds
-from webapp.reports.blocks import Block, Cell, Column, Section, Statement, Table
+from webapp.reports.blocks import Block, Cell, Column, Section, Table
 from webapp.reports.sections.ordinal import conclusion
 from webapp.reports.study_data import StudyData
 
@@ -27,15 +27,17 @@ def section(data: StudyData, variants: Sequence[Variant]) -> Section:
     rows: list[tuple[Cell, ...]] = [_row("as planned", data, test, test) for test in planned.values()]
     blocks: list[Block] = [_INTRODUCTION]
     changes: list[str] = []
+    same: list[str] = []
     for words, other in variants:
         if _same_people(data, other):
-            blocks.append(Statement(words, "this choice leads to exactly the data that are analysed"))
+            same.append(words)
             continue
         tests = compare_kinds(other.ratings, data.plan).tests
         rows += [_row(words, other, test, planned[_key(test)]) for test in tests]
         changes += list(_changes(words, tests, planned))
-    blocks.append(_summary(changes, len(variants)))
-    blocks.append(Table("sensitivity", "The planned comparisons on other choices", _COLUMNS, tuple(rows)))
+    blocks += [_summary(changes, len(variants) - len(same)), *_told_same(same)]
+    if len(same) < len(variants):
+        blocks.append(Table("sensitivity", "The planned comparisons on other choices", _COLUMNS, tuple(rows)))
     return Section("sensitivity", "Sensitivity to who is analysed", tuple(blocks))
 
 
@@ -76,10 +78,14 @@ def _changes(words: str, tests: Sequence[Comparison], planned: dict[tuple[str, s
 
 def _summary(changes: Sequence[str], num_variants: int) -> str:
     if not num_variants:
-        return "There is no other choice to make: nobody was left out and nothing was corrected."
+        return "No other choice gives other data: nobody was left out and nothing was corrected."
     if not changes:
         return "No conclusion changes."
     return f"Conclusions that change: {'; '.join(changes)}."
+
+
+def _told_same(same: Sequence[str]) -> list[str]:
+    return [f"These choices lead to exactly the data that are analysed: {'; '.join(same)}."] if same else []
 
 
 def _same_people(data: StudyData, other: StudyData) -> bool:
