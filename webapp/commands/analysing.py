@@ -76,7 +76,7 @@ def _tell(analysis: "Analysis", made: "Assembled", report: Path) -> None:
         told = in_words(finding, data.plan.alpha)
         click.echo(f"  experiment {finding.contrast.experiment}, {finding.item}: {finding.contrast}: {told}")
     if made.differences:
-        click.echo("\nWhat differs from a registered plan:")
+        click.echo("\nWhat differs from the plan:")
     for difference in made.differences:
         click.echo(f"  {difference}")
     click.echo(f"\nThe report: {report}")

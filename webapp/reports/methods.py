@@ -76,7 +76,8 @@ def _of_the_model(data: StudyData) -> str:
         "item by Wald's test, held to Student's t with ratings less participants less coefficients as degrees of "
         f"freedom; the {counted(plan.num_tests, 'test')} are one family, corrected by Holm's method at the level "
         f"{number(plan.alpha)}. Differences are given in standard deviations of the latent rating (d) with 95 % "
-        "confidence intervals. That kinds shift all thresholds alike was tested against thresholds of each kind's own."
+        "confidence intervals. That kinds shift all thresholds alike was tested against thresholds of each kind's "
+        "own, and that intercepts are normal by a parametric bootstrap."
     )
 
 
@@ -116,8 +117,8 @@ def _of_what_people_did(data: StudyData) -> Iterator[str]:
     if has_drives or has_probes:
         yield (
             "Calibration of felt against measured understanding was described by intervals robust within "
-            "participants, areas under the curve (percentile bootstrap over participants), correlations within "
-            "participants and mixed logistic models of being right on the rating."
+            "participants, areas under the curve (percentile bootstrap of 2,000 resamples of participants), "
+            "correlations within participants and mixed logistic models of being right on the rating."
         )
 
 
@@ -125,7 +126,7 @@ def _of_the_people(data: StudyData) -> Iterator[str]:
     if data.ratings["item"].isin(SATISFACTION_ITEMS).any():
         yield (
             "The reliability of the satisfaction scale was estimated by Cronbach's alpha (Feldt's interval) and "
-            "McDonald's omega (percentile bootstrap over participants)."
+            "McDonald's omega (percentile bootstrap of 500 resamples of participants)."
         )
     if data.everybody is not None:
         yield "Differential drop-out was tested on started trials by kind of explanation."
@@ -134,7 +135,7 @@ def _of_the_people(data: StudyData) -> Iterator[str]:
 def _departed(data: StudyData, differences: Sequence[str]) -> str:
     if not differences:
         return nothing_differs(data)
-    return " ".join(["Deviations from a registered plan:", *differences])
+    return " ".join(["Deviations from the plan:", *differences])
 
 
 def _of_the_programs(origin: Origin) -> str:

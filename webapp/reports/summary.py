@@ -57,7 +57,8 @@ def answer(data: StudyData, found: Sequence[Finding]) -> str:
     if len(made) < len(found):
         told += f" {counted(len(found) - len(made), 'comparison')} could not be made."
     if len(held) < len(made):
-        told += " That no difference was found is no evidence that there is none; see the section on equivalence."
+        told += " That no difference was found is no evidence that there is none"
+        told += "; see the section on equivalence." if data.plan.equivalences else "."
     return told
 
 
@@ -112,4 +113,4 @@ def _as_good(data: StudyData, as_good: Sequence[tuple[str, str, bool]]) -> str:
 def _differences(data: StudyData, differences: Sequence[str]) -> str:
     if not differences:
         return nothing_differs(data)
-    return "\n".join(["What differs from a registered plan:", *(f"\N{BULLET} {each}" for each in differences)])
+    return "\n".join(["What differs from the plan:", *(f"\N{BULLET} {each}" for each in differences)])

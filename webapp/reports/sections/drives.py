@@ -114,7 +114,9 @@ def _share_table(
         for outcomes in measured
         for kind in outcomes.kinds
     )
-    note = "Intervals at 95 %. No cluster interval: one person, or nobody differs from the others."
+    cluster_low = [column.name for column in columns].index("cluster_low")
+    missing = " Without a cluster interval: one person, or people who are all alike."
+    note = f"Intervals at 95 %.{missing if any(row[cluster_low] is None for row in rows) else ''}"
     return Table(name, title, columns, rows, note)
 
 
