@@ -48,12 +48,15 @@ class Participant:
         site: The study.
         rng: Decides on the ratings.
         hand: What is used to move about.
+        waits: Whether they look before they answer, as people do: an answer that is faster than the first paint has no
+            response time. Nobody can wait for a clock where no scripts run.
     """
 
     page: Page
     site: Site
     rng: random.Random
     hand: Hand = "mouse"
+    waits: bool = False
     answers: list[Answered] = field(default_factory=list)
 
     def complete(self) -> None:
@@ -89,6 +92,8 @@ class Participant:
     def rate(self, experiment: str, position: int) -> None:
         """Look at the explanation and answer every item."""
         began = time.monotonic()
+        if self.waits:
+            self.page.locator("form[data-clock=running]").wait_for()
         strips = self.page.locator("[data-explanation] .strip").all()
         ratings = {item: self.rng.randint(1, 5) for item in self.items()}
         for item, rating in ratings.items():

@@ -73,6 +73,7 @@ def take_part(browser: Browser, site: Site, kind: Kind, way: Way, seed: int) -> 
     step = site.catalogue.from_step(trial_of(kind))
     first = ("left", GIVE_UP)
     walker = Walker(context.new_page(), site.catalogue, layout_of(kind), random.Random(seed), way.language, step, first)
+    walker.waits = way.scripts
     walker.complete()
     assert walker.page.url.endswith("/done")
     context.close()

@@ -56,7 +56,7 @@ def outcome(site: Site, open_context: OpenContext, tmp_path_factory: pytest.Temp
     answers = []
     for number, way in enumerate(WAYS):
         context = open_context(java_script_enabled=way.scripts, **(PHONE if way.phone else DESKTOP))
-        participant = Participant(context.new_page(), site, random.Random(number), way.hand)
+        participant = Participant(context.new_page(), site, random.Random(number), way.hand, waits=way.scripts)
         participant.complete()
         context.pages[0].close()
         answers.append(participant.answers)

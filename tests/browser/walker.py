@@ -30,6 +30,8 @@ class Walker:
         ratings: What was chosen, by item.
         predictions: The actions that were predicted, by the name of their field.
         shown: The digests of the explanation's pictures.
+        waits: Whether they look before they answer, as people do: an answer that is faster than the first paint has no
+            response time. Nobody can wait for a clock where no scripts run.
     """
 
     page: Page
@@ -43,6 +45,7 @@ class Walker:
     ratings: dict[str, int] = field(default_factory=dict)
     predictions: dict[str, str] = field(default_factory=dict)
     shown: list[str] = field(default_factory=list)
+    waits: bool = False
 
     def agree(self, query: str = "") -> None:
         """Choose the language and give consent."""
@@ -87,6 +90,8 @@ class Walker:
         if kind == "rating":
             pictures = self.page.locator("[data-explanation] img").all()
             self.shown = [str(img.get_attribute("src")).split("/")[-1].removesuffix(".png") for img in pictures]
+        if self.waits and self.page.locator("form[data-timed]").count():
+            self.page.locator("form[data-clock=running]").wait_for()
         self.fill_in()
         self.send()
 
