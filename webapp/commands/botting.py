@@ -5,7 +5,6 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -126,27 +125,16 @@ def _let_them_take_part(  # noqa: PLR0913 - the options of the verb.
     from webapp.bots.reckoning import reckon
     from webapp.bots.running import run
     from webapp.bots.server import a_server
-    from webapp.bots.walk import Surroundings
+    from webapp.bots.surroundings import surroundings_on
     from webapp.stimuli.catalogue import Catalogue, current_bundle
     from webapp.storage.database import open_database
-    from webapp.storage.instance import secret_key
-    from webapp.views.tokens import bot_pass
 
     shares = parse_mix(mix)
     catalogue = Catalogue.open(current_bundle(config.instance, config.study))
     planted = parse_effects(effects, catalogue.study)
     plans = make_plan(shares, participants, _languages(languages, catalogue), seed)
     with a_server(config) as site, open_database(config.database_path, make=False) as database:
-        around = Surroundings(
-            site=site,
-            database=database,
-            study=config.study,
-            recruitment=catalogue.study.recruitment,
-            version=lru_cache(lambda version: Catalogue.open(config.instance / "bundles" / version)),
-            bot_pass=bot_pass(secret_key(config.instance)),
-            effects=planted,
-            pace=pace,
-        )
+        around = surroundings_on(site, database, config, catalogue, planted, pace)
         with _progress(participants) as advance:
             reports = run(plans, around, num_workers=workers, limit_s=time_limit, on_end=lambda _report: advance())
         return _Outcome(config.study, seed, reports, reckon(reports, database))

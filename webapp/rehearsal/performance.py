@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
-from functools import lru_cache
 from pathlib import Path
 
 from webapp.bots.effects import Effects
@@ -13,14 +12,12 @@ from webapp.bots.plan import make_plan
 from webapp.bots.reckoning import reckon
 from webapp.bots.running import Report, run
 from webapp.bots.server import a_server
-from webapp.bots.walk import Surroundings
+from webapp.bots.surroundings import surroundings_on
 from webapp.config import Config
 from webapp.stimuli.catalogue import Catalogue
 from webapp.storage.database import open_database
 from webapp.storage.dataset import export
-from webapp.storage.instance import secret_key
 from webapp.storage.wanted import Wanted, bundles_in
-from webapp.views.tokens import bot_pass
 
 _LIMIT_S = 600.0
 """The seconds that each bot has."""
@@ -64,15 +61,7 @@ def perform(
     """
     plans = make_plan(parse_mix(cast.mix), cast.num_bots, catalogue.study.languages[:1], cast.seed)
     with a_server(config) as site, open_database(config.database_path, make=False) as database:
-        around = Surroundings(
-            site=site,
-            database=database,
-            study=config.study,
-            recruitment=catalogue.study.recruitment,
-            version=lru_cache(lambda version: Catalogue.open(config.instance / "bundles" / version)),
-            bot_pass=bot_pass(secret_key(config.instance)),
-            effects=cast.effects,
-        )
+        around = surroundings_on(site, database, config, catalogue, cast.effects)
         reports = run(plans, around, num_workers=cast.workers, limit_s=_LIMIT_S, on_end=lambda _report: on_end())
         _refuse_trouble(reports, [*(reckoned := reckon(reports, database)).lost, *reckoned.doubled])
         export(database, folder, Wanted(config.study, None, "bot", find_bundle=bundles_in(config.instance)), now)

@@ -34,7 +34,7 @@ class Headcount:
         reasons = listed([f"{reason} ({count})" for reason, count in self.reasons])
         left_out = self.everybody - self.analysed
         of_all = f"of {self.everybody:,} who agreed to take part"
-        return f"{told} {verb} analysed, {of_all}; {left_out:,} are not: {reasons}."
+        return f"{told} {verb} analysed, {of_all}; {left_out:,} {'is' if left_out == 1 else 'are'} not: {reasons}."
 
 
 def headcount(data: StudyData) -> Headcount:

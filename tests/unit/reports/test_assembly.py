@@ -16,7 +16,7 @@ from webapp.reports.departures import departures
 from webapp.reports.findings import findings
 from webapp.reports.methods import methods_text
 from webapp.reports.origin import origin_of
-from webapp.reports.people import headcount
+from webapp.reports.people import Headcount, headcount
 from webapp.reports.study_data import StudyData
 
 REASON = "in experiment 2 all 48 ratings are 3"
@@ -274,3 +274,11 @@ def test_the_sections_of_this_program_make_a_report_of_made_up_data() -> None:
     made = made_up_report(makers=SECTIONS)
     titles = [section.title for section in made.report.sections]
     assert len(titles) == len(set(titles))
+
+
+def test_one_person_who_is_not_analysed_is_told_as_one() -> None:
+    told = Headcount(11, 165, 12, (("incomplete", 1),)).sentence()
+    assert (
+        told
+        == "11 participants with 165 ratings are analysed, of 12 who agreed to take part; 1 is not: incomplete (1)."
+    )

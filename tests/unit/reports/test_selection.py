@@ -196,6 +196,22 @@ def test_rules_that_nobody_can_apply_and_files_that_are_not_the_exported_ones_ar
     ) == set(rules.split(", "))
 
 
+def test_files_and_decisions_beyond_the_declared_rules_are_differences(tmp_path: Path) -> None:
+    data = tables()
+    data["participants"][1]["excluded_at"] = data["participants"][2]["excluded_at"] = "2031-03-01T09:45:00.000000Z"
+    write_exported(tmp_path, data)
+    ratings = tmp_path / "data" / "description-ratings_data.csv"
+    ratings.write_bytes(ratings.read_bytes().replace(b",5,", b",4,"))
+    changed = select(read_dataset(tmp_path, changed_ok=True))
+    assert "Outside of the declared rules, researchers excluded 2 participants." in changed.differences
+    assert "Files that are not as they were exported: data/description-ratings_data.csv." in changed.differences
+    (tmp_path / "manifest.json").unlink()
+    loose = select(read_dataset(tmp_path))
+    assert loose.differences[0].startswith("The data set has no manifest")
+    untouched = selected(tables(), tmp_path / "untouched")
+    assert untouched.differences == ()
+
+
 def test_rules_on_times_are_not_applied_to_bots_because_they_do_not_wait(tmp_path: Path) -> None:
     rows = [flag("person0", "straight_lining"), flag("person1", "min_total_minutes")]
     data, bots = tables(), tables(mode="bot")
