@@ -28,6 +28,13 @@ ROOT = Path(__file__).resolve().parent.parent
 XAR = Path(sys.executable).with_name("xar")
 
 
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Name a failed test at once where the run is seen, in case the run does not live to its summary."""
+    if report.failed and "PYTEST_XDIST_WORKER" not in os.environ:
+        reason = report.longreprtext.strip().splitlines()[-1:] or [""]
+        print(f"\nFAILED {report.nodeid} ({report.when}, {report.duration:.0f} s): {reason[0]}", flush=True)  # noqa: T201
+
+
 @pytest.fixture(scope="session")
 def root() -> Path:
     """The folder of the repository."""

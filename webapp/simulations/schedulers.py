@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from joblib import Parallel, delayed, parallel_config
+from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 Unit = tuple[Any, ...]
@@ -97,11 +98,18 @@ def _numbered(work: Callable[..., Any], number: int, unit: Unit) -> tuple[int, A
 def _backend(scheduler: Scheduler) -> Iterator[None]:
     with ExitStack() as stack:
         if scheduler.address is None:
+            if scheduler.workers > 1:
+                # Idle workers would leave by themselves some minutes later, perhaps just when they are wanted again.
+                stack.callback(_end_workers)
             stack.enter_context(parallel_config("loky", n_jobs=scheduler.workers, inner_max_num_threads=1))
         else:
             stack.enter_context(_connected(scheduler.address))
             stack.enter_context(parallel_config("dask", wait_for_workers_timeout=_PATIENCE_S))
         yield
+
+
+def _end_workers() -> None:
+    get_reusable_executor(reuse=True).shutdown(wait=True, kill_workers=True)
 
 
 @contextmanager

@@ -19,6 +19,10 @@ def square(number: int) -> int:
     return number * number
 
 
+def own_process(number: int) -> tuple[int, int]:
+    return number, os.getpid()
+
+
 def dying_once(number: int, marker: str) -> int:
     """Kill the worker at the third unit, the first time it is tried."""
     if number == 3:
@@ -44,6 +48,14 @@ def test_every_unit_is_done_once_whatever_the_number_of_workers(workers: int) ->
     done = list(work_off(Scheduler(workers=workers), square, UNITS))
     assert dict(done) == SQUARES
     assert len(done) == len(UNITS)
+
+
+def test_no_worker_stays_behind_idle() -> None:
+    processes = {process for _, (_, process) in work_off(Scheduler(workers=2), own_process, UNITS)}
+    assert os.getpid() not in processes
+    for process in processes:
+        with pytest.raises(ProcessLookupError):
+            os.kill(process, 0)
 
 
 def test_nothing_to_do_needs_no_worker() -> None:
