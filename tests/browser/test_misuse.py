@@ -1,6 +1,7 @@
 """Impatient hands and lost ways: whatever a person does, each answer is stored once, and the first one stands."""
 
 import random
+import re
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -8,7 +9,7 @@ from playwright.sync_api import Page, expect
 
 from tests.browser.participant import Participant
 from tests.browser.site import Row, Site
-from tests.browser.windows import DESKTOP, OpenContext
+from tests.browser.windows import DESKTOP, TIMEOUT_MS, OpenContext
 
 Arrive = Callable[..., Participant]
 
@@ -49,7 +50,7 @@ def test_a_double_click_sends_once(arrive: Arrive, site: Site) -> None:
     participant = arrive()
     participant.answer_all(4)
     participant.button("explanation.send").dblclick()
-    participant.page.wait_for_url("**/study/4")
+    expect(participant.page).to_have_url(re.compile("/study/4$"), timeout=TIMEOUT_MS)
     assert newest_ratings(site) == all_rated(participant, 4)
 
 
@@ -60,7 +61,7 @@ def test_a_double_click_on_the_consent_makes_one_participant(site: Site, open_co
         page.goto("/")
         page.get_by_role("checkbox").check()
         page.get_by_role("button", name=site.texts("welcome.start")).dblclick()
-        page.wait_for_url("**/study/1")
+        expect(page).to_have_url(re.compile("/study/1$"), timeout=TIMEOUT_MS)
         page.wait_for_load_state()
         page.close()
         assert len(site.export("participants.csv")) == before + 1
@@ -74,7 +75,7 @@ def test_going_back_and_answering_anew_changes_nothing_and_says_so(arrive: Arriv
     if participant.page.url.endswith("/study/3"):
         assert_first_answer_stands(participant, site, first=2)
     else:
-        participant.page.wait_for_url("**/study/4")
+        expect(participant.page).to_have_url(re.compile("/study/4$"), timeout=TIMEOUT_MS)
     assert newest_ratings(site) == all_rated(participant, 2)
 
 
@@ -109,7 +110,7 @@ def test_enter_held_down_sends_once(arrive: Arrive, site: Site) -> None:
     for _ in range(6):
         participant.page.keyboard.down("Enter")
     participant.page.keyboard.up("Enter")
-    participant.page.wait_for_url("**/study/4")
+    expect(participant.page).to_have_url(re.compile("/study/4$"), timeout=TIMEOUT_MS)
     assert newest_ratings(site) == all_rated(participant, 4)
 
 
@@ -150,7 +151,7 @@ def test_somebody_who_leaves_keeps_the_answers_given_and_can_give_no_more(arrive
     participant.send()
     participant.page.get_by_role("link", name=site.texts("page.leave")).click()
     participant.go_on("leave.confirm")
-    participant.page.wait_for_url("**/left")
+    expect(participant.page).to_have_url(re.compile("/left$"), timeout=TIMEOUT_MS)
     participant.page.goto("/study/4")
     assert participant.page.url.endswith("/left")
     assert newest_ratings(site) == all_rated(participant, 3)
