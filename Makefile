@@ -13,7 +13,7 @@ FREE_PORT := import socket; free = lambda port: socket.socket().connect_ex(("127
 	print(next(filter(free, range(8000, 8100)), 8000))
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check format bench soak golden lock install install-browser clean
+.PHONY: help run test test-postgres check format bench soak evidence golden check-deploy sbom lock install install-browser install-postgres clean
 
 help:  ## List the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -23,8 +23,11 @@ run: install  ## Build the study, make an account and serve, as a test run; PORT
 	@$(BIN)/xar admin create researcher --role admin --generate-password --if-missing
 	@$(BIN)/xar serve --study $(STUDY) --port $(or $(PORT),$$($(BIN)/python -c '$(FREE_PORT)'))
 
-test: install install-browser  ## Run every test, those in the browser included
-	$(BIN)/pytest -n 2 --dist loadfile
+test: install install-browser install-postgres  ## Run every test, those in the browser included
+	$(BIN)/pytest -n 3 --dist loadfile
+
+test-postgres: install install-postgres  ## Run the tests of storage and pages with PostgreSQL
+	XAR_TEST_POSTGRES=1 $(BIN)/pytest -n 2 --dist loadfile tests/unit/storage tests/web
 
 check: install  ## Style, types, import arrows, dependencies, security
 	$(BIN)/ruff check .
@@ -39,19 +42,43 @@ format: install  ## Format the Python files and mend what can be mended
 	$(BIN)/ruff format .
 
 bench: install  ## Time what the documentation promises
-	@status=0; for part in promises exact_importance batched_sampling reachability scale pictures pages dashboard dashboard_pages exports ordinal analysis power rehearsal learning_runs sweeps; do \
+	@status=0; for part in promises exact_importance batched_sampling reachability scale pictures pages dashboard dashboard_pages exports abuse group_commit ordinal analysis power rehearsal learning_runs sweeps; do \
 		echo "== $$part"; $(BIN)/python -m tests.benchmarks.$$part || status=1; done; exit $$status
 
 soak: install install-browser  ## Many participants at once, then every way of taking part, against what is stored
 	$(BIN)/python -m tests.benchmarks.soak
 	$(BIN)/python -m tests.benchmarks.every_way
+	$(BIN)/python -m tests.evidence.record
+	$(BIN)/python -m tests.evidence
+	$(BIN)/python -m tests.faults.lossy_network --full
+	$(BIN)/python -m tests.faults.spreadsheets --full
+	$(BIN)/python -m tests.faults.power_cut --full
+	$(BIN)/python -m tests.faults.kills --full
+	$(BIN)/python -m tests.faults.kills --full --postgres
+	$(BIN)/python -m tests.faults.flushes --full
+	$(BIN)/python -m tests.faults.assignment --full
+	$(BIN)/python -m tests.faults.backups --full
+	$(BIN)/python -m tests.faults.migrations --full
 
 golden: install  ## Compute the analysis's golden numbers anew where R is installed, and compare
 	$(BIN)/python -m tests.golden.analysis.recompute
 
-lock: install  ## Compile constraints.txt anew from pyproject.toml
+check-deploy: install install-browser  ## The files of deploy/, by the tools that know them
+	$(BIN)/pytest -q tests/unit/test_deployment.py
+
+sbom: install  ## Write docs/sbom.cdx.json: the locked packages that the program needs
+	$(BIN)/python .ci/sbom.py
+
+lock: install  ## Compile constraints.txt anew from pyproject.toml, and what the images hold
 	$(BIN)/uv pip compile --quiet --upgrade --python-version 3.11 --extra test --extra dev --extra dask \
 		--output-file constraints.txt pyproject.toml
+	$(BIN)/uv pip compile --quiet --python-version 3.11 --constraints constraints.txt \
+		--output-file deploy/requirements.txt pyproject.toml
+	echo hatchling | $(BIN)/uv pip compile --quiet --python-version 3.11 --constraints constraints.txt \
+		--output-file deploy/requirements-wheel.txt -
+
+evidence:  ## Write docs/evidence.md from results/evidence, which `make soak` fills
+	$(BIN)/python -m tests.evidence
 
 clean:  ## Remove caches and the environment; databases, secrets and bundles in instance/ stay
 	rm -rf $(ENV) build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis test-results
@@ -61,5 +88,8 @@ install:
 	@test -n "$(PYTHON)" || { echo "Python 3.11 to 3.14 is needed and none was found; PYTHON=... names one." >&2; exit 2; }
 	@$(PYTHON) .ci/install.py --environment $(ENV)
 
+install-postgres: install
+	@$(PYTHON) .ci/install.py --environment $(ENV) --postgres
+
 install-browser: install
-	@$(PYTHON) .ci/install.py --environment $(ENV) --browser
+	@$(PYTHON) .ci/install.py --environment $(ENV) --browser --spreadsheet

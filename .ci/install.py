@@ -4,7 +4,7 @@ Run by any Python from 3.11 on; needs nothing but the standard library. What is 
 `pyproject.toml` and `constraints.txt`: a stamp in the environment holds their hash, and nothing happens while it
 still matches. Why torch goes its own way is told in docs/decisions/0007-torch-outside-the-lock.md.
 
-    python .ci/install.py [--browser] [--environment FOLDER]
+    python .ci/install.py [--browser] [--spreadsheet] [--environment FOLDER]
 """
 
 import argparse
@@ -13,6 +13,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -28,6 +29,10 @@ BROWSERS = {
     "chromium; or name one in XAR_CHROMIUM)",
     "firefox-esr": "Firefox (Debian, as root: apt-get install firefox-esr; elsewhere: mozilla.org has it; or name "
     "one in XAR_FIREFOX)",
+    "nginx-light": "nginx (Debian, as root: apt-get install nginx-light)",
+    "openssl": "openssl (Debian, as root: apt-get install openssl)",
+    "strace": "strace (Debian, as root: apt-get install strace)",
+    "systemd": "systemd-analyze (Debian, as root: apt-get install systemd)",
 }
 
 
@@ -39,12 +44,16 @@ def main() -> int:
     """Install what the arguments ask for and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--environment", type=Path, default=ROOT / ".venv", help="the virtual environment's folder")
-    parser.add_argument("--browser", action="store_true", help="also see to the browsers of the browser tests")
+    parser.add_argument("--browser", action="store_true", help="also see to the browsers and the servers of the tests")
+    parser.add_argument("--spreadsheet", action="store_true", help="also see to LibreOffice, which opens the exports")
+    parser.add_argument("--postgres", action="store_true", help="also see to the database server of the tests")
     arguments = parser.parse_args()
     try:
         install(arguments.environment.resolve())
         if arguments.browser:
             install_browsers()
+        if arguments.spreadsheet:
+            install_spreadsheet()
     except CannotInstall as problem:
         print(f"install: {problem}", file=sys.stderr)
         return 2
@@ -102,20 +111,75 @@ def find_firefox() -> str | None:
     return found or (str(on_a_mac) if on_a_mac.is_file() else None)
 
 
+def find_nginx() -> str | None:
+    """Return the path of nginx, which a system may keep where only root looks."""
+    return shutil.which("nginx") or shutil.which("nginx", path="/usr/sbin:/usr/local/sbin")
+
+
 def install_browsers() -> None:
-    """See to it that the browser tests find their browsers, from Debian's packages if that can be done here."""
-    finders = {"chromium": find_browser, "firefox-esr": find_firefox}
+    """See to it that the tests find browsers and the deployment's programs, Debian's if that can be done here."""
+    finders: dict[str, Callable[[], str | None]] = {
+        "chromium": find_browser,
+        "firefox-esr": find_firefox,
+        "nginx-light": find_nginx,
+        "openssl": lambda: shutil.which("openssl"),
+        "strace": lambda: shutil.which("strace"),
+        "systemd": lambda: shutil.which("systemd-analyze"),
+    }
     missing = [package for package, find in finders.items() if find() is None]
     if not missing:
         return
     apt = shutil.which("apt-get")
     if apt is None or os.geteuid() != 0:
         wanted = " and ".join(BROWSERS[package] for package in missing)
-        raise CannotInstall(f"the browser tests need {wanted}, which was not found.")
+        raise CannotInstall(f"the tests need {wanted}, which was not found.")
     say(f"installing {' and '.join(missing)}")
     quiet = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
     _run([apt, "update", "-q"], environment=quiet)
     _run([apt, "install", "-y", "-q", "--no-install-recommends", *missing, "fonts-liberation"], environment=quiet)
+
+
+def install_spreadsheet() -> None:
+    """See to it that the tests find LibreOffice, from Debian's packages if that can be done here."""
+    if shutil.which("soffice") or shutil.which("libreoffice"):
+        return
+    apt = shutil.which("apt-get")
+    if apt is None or os.geteuid() != 0:
+        raise CannotInstall(
+            "the tests of the copies for spreadsheets need LibreOffice, which was not found (Debian, as root: apt-get "
+            "install libreoffice-calc-nogui; elsewhere: libreoffice.org has it, with soffice on the path)."
+        )
+    say("installing libreoffice-calc-nogui")
+    quiet = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+    _run([apt, "update", "-q"], environment=quiet)
+    _run([apt, "install", "-y", "-q", "--no-install-recommends", "libreoffice-calc-nogui"], environment=quiet)
+
+
+def find_postgres() -> str | None:
+    """Return the folder of PostgreSQL's programs: `XAR_POSTGRES`, or one where systems put them."""
+    named = os.environ.get("XAR_POSTGRES")
+    if named:
+        return named if (Path(named) / "initdb").is_file() else None
+    patterns = ("usr/lib/postgresql/*/bin", "opt/homebrew/opt/postgresql*/bin", "usr/pgsql-*/bin")
+    found = sorted(path.parent for pattern in patterns for path in Path("/").glob(f"{pattern}/initdb"))
+    on_path = shutil.which("initdb")
+    return str(found[-1]) if found else (str(Path(on_path).parent) if on_path else None)
+
+
+def install_postgres() -> None:
+    """See to it that the tests find PostgreSQL; they run a server of their own."""
+    if find_postgres() is not None:
+        return
+    apt = shutil.which("apt-get")
+    if apt is None or os.geteuid() != 0:
+        raise CannotInstall(
+            "the tests need PostgreSQL 13 or later (Debian, as root: apt-get install postgresql; or name the folder of "
+            "its programs in XAR_POSTGRES), which was not found."
+        )
+    say("installing postgresql")
+    quiet = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+    _run([apt, "update", "-q"], environment=quiet)
+    _run([apt, "install", "-y", "-q", "--no-install-recommends", "postgresql"], environment=quiet)
 
 
 def say(line: str) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests import postgres
 from webapp.explainer.worlds.layout import Layout, parse_layout
 from webapp.stimuli.agents import planner_agents
 from webapp.stimuli.build import build
@@ -83,6 +84,13 @@ def planned_instance(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def bundle(planned_instance: Path) -> Catalogue:
     """The bundle of `planned_instance`, open."""
     return Catalogue.open(current_bundle(planned_instance, "sakai2021"))
+
+
+@pytest.fixture(scope="session")
+def postgres_server() -> Iterator[postgres.Server]:
+    """A PostgreSQL server of this worker's own."""
+    with postgres.a_server() as server:
+        yield server
 
 
 @contextmanager

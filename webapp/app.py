@@ -1,11 +1,10 @@
 """The web application, put together from its parts, and the server that runs it."""
 
-import json
-import logging
+import resource
 import signal
 import sys
 from collections.abc import Callable
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
@@ -17,7 +16,7 @@ from webapp.config import LOOPBACK, Config, ConfigError
 from webapp.stimuli.catalogue import Catalogue, current_bundle
 from webapp.stimuli.program import running_program
 from webapp.stimuli.publication import check_published
-from webapp.storage.database import Database
+from webapp.storage.database import Database, DatabaseError
 from webapp.storage.instance import note_address, only_server, prepare_instance, secret_key
 from webapp.storage.live import LiveNumbers
 from webapp.storage.records import SYSTEM, Entry, append
@@ -25,13 +24,14 @@ from webapp.storage.scope import Scope
 from webapp.views import arrival, ask, driving, health, participant, researcher
 from webapp.views.assets import init_assets
 from webapp.views.errors import init_errors
+from webapp.views.logs import configure_logging, init_request_log
 from webapp.views.security import cookie_name, init_security
 from webapp.views.services import Bundles, Services, attach, services_of, utc_now
 from webapp.views.texts import init_texts
 from webapp.views.tokens import session_key
 
 NUM_THREADS = 8
-MAX_CONNECTIONS = 900
+MAX_CONNECTIONS = 1500
 """A browser keeps up to six connections open after a page; beyond this many in all, nobody new is let in."""
 MAX_BODY_BYTES = 64 * 1024
 MAX_FORM_PARTS = 100
@@ -58,6 +58,7 @@ def create_app(config: Config, *, clock: Callable[[], datetime] = utc_now) -> Fl
     services = _open_services(config, clock)
     attach(app, services)
     _configure_flask(app, services)
+    init_request_log(app)
     init_security(app, config)
     init_assets(app, _resources() / "static")
     init_errors(app)
@@ -78,7 +79,8 @@ def serve(config: Config, announce: Callable[[str], None]) -> None:
         ConfigError: The address cannot be listened on, or as `create_app`.
         webapp.storage.instance.InstanceError: Another server runs on this instance, or as `create_app`.
     """
-    _configure_logging()
+    refuse_several_for_sqlite(config)
+    configure_logging(with_requests=config.access_log)
     prepare_instance(config.instance)
     with only_server(config.instance):
         app = create_app(config)
@@ -103,8 +105,12 @@ def _open_services(config: Config, clock: Callable[[], datetime]) -> Services:
         raise ConfigError(f"--live needs the study file's {names}, still placeholders; fill in and run `xar build`")
     prepare_instance(config.instance)
     secret = secret_key(config.instance)
-    database = Database(config.database_path)
-    database.upgrade()
+    database = Database(config.database_path, config.database_url)
+    try:
+        database.prepare()
+    except DatabaseError:
+        database.close()
+        raise
     bundles = Bundles(config.instance / "bundles", catalogue)
     live = LiveNumbers(database)
     # The first look reads everybody; no researcher has to wait for it.
@@ -144,9 +150,46 @@ def _serve(app: Flask, config: Config, announce: Callable[[str], None]) -> None:
     except (OSError, ValueError) as error:  # Waitress says with a ValueError that there is no such host.
         reason = error.strerror if isinstance(error, OSError) else "there is no such address"
         raise ConfigError(f"cannot listen on {config.host} port {config.port}: {reason}") from error
+    _allow_open_files(2 * MAX_CONNECTIONS)
     signal.signal(signal.SIGTERM, _stop)
+    tell_start(app, server.effective_port, announce)
+    try:
+        server.run()
+    finally:
+        server.close()
+
+
+def _allow_open_files(wanted: int) -> None:
+    """Let the process hold as many connections as it lets in, as far as the system allows it."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (min(wanted, hard), hard))
+
+
+def refuse_several_for_sqlite(config: Config) -> None:
+    """Refuse several processes where one file may have one writer only.
+
+    Raises:
+        ConfigError: There are to be several.
+    """
+    if config.workers > 1 and config.database_url is None:
+        raise ConfigError(
+            f"WEB_CONCURRENCY or --workers is {config.workers}, and SQLite is served by one process; "
+            "use 1, or PostgreSQL (DATABASE_URL)"
+        )
+
+
+def tell_start(app: Flask, port: int, announce: Callable[[str], None]) -> None:
+    """Record that a server listens, note where for programs on this machine, and announce it.
+
+    Args:
+        app: What is served.
+        port: Where it listens.
+        announce: Told the addresses.
+    """
+    config = services_of(app).config
     host = f"[{config.host}]" if ":" in config.host else config.host
-    address = f"http://{host}:{server.effective_port}"
+    address = f"http://{host}:{port}"
     note_address(config.instance, address)
     _record_start(services_of(app))
     announce(f"Participants: {address}/")
@@ -154,10 +197,6 @@ def _serve(app: Flask, config: Config, announce: Callable[[str], None]) -> None:
     if not config.https and config.host not in LOOPBACK:
         announce("Without https, passwords and answers can be read on their way; see XAR_HTTPS.")
     announce("Live: answers are data." if config.live else "Test run: answers are marked as a test.")
-    try:
-        server.run()
-    finally:
-        server.close()
 
 
 def _record_start(services: Services) -> None:
@@ -173,27 +212,3 @@ def _record_start(services: Services) -> None:
 def _stop(_signal: int, _frame: FrameType | None) -> NoReturn:
     """End the server's loop; answers that are being stored are finished first."""
     sys.exit(0)
-
-
-class JsonFormatter(logging.Formatter):
-    """One JSON object per line; nothing about who asked is ever put in."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        """Write time (UTC), level, logger, message and, if there is one, the traceback."""
-        line = {
-            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
-            "level": record.levelname,
-            "logger": record.name,
-            "message": record.getMessage(),
-        }
-        if record.exc_info:
-            line["traceback"] = self.formatException(record.exc_info)
-        return json.dumps(line, ensure_ascii=False)
-
-
-def _configure_logging() -> None:
-    handler = logging.StreamHandler()
-    handler.setFormatter(JsonFormatter())
-    logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
-    # A few waiting requests are no event.
-    logging.getLogger("waitress.queue").setLevel(logging.ERROR)

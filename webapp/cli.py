@@ -9,8 +9,10 @@ from webapp.commands.administering import admin
 from webapp.commands.analysing import analyse
 from webapp.commands.botting import bots
 from webapp.commands.comparing import compare
+from webapp.commands.doctoring import doctor
 from webapp.commands.explaining import explain
 from webapp.commands.exporting import export, reconcile, recruits
+from webapp.commands.operating import backup, migrate, restore
 from webapp.commands.powering import power
 from webapp.commands.recording import erase, replay, verify_log
 from webapp.commands.rehearsing import rehearse
@@ -53,19 +55,31 @@ def build(study: str | None) -> None:
 @click.option("--host", help="The address to listen on; this machine alone unless told otherwise (XAR_HOST).")
 @click.option("--port", type=click.IntRange(0, 65535), help="The port to listen on, 8000 if not given (XAR_PORT).")
 @click.option("--study", help="The study to serve (XAR_STUDY).")
+@click.option(
+    "--workers",
+    type=click.IntRange(1, 64),
+    help="How many processes serve, from PostgreSQL (WEB_CONCURRENCY); 1 if not given.",
+)
 @click.option("--live", is_flag=True, help="Collect real data: answers are not marked as a test.")
-def serve(host: str | None, port: int | None, study: str | None, *, live: bool) -> None:
+def serve(host: str | None, port: int | None, study: str | None, workers: int | None, *, live: bool) -> None:
     """Serve the participant pages and the dashboard until stopped."""
     from webapp.app import serve as run_server
     from webapp.config import read_config
+    from webapp.workers import serve_with_workers
 
     with refusals():
-        config = read_config(os.environ, live=live, host=host, port=port, study=study)
+        config = read_config(os.environ, live=live, host=host, port=port, study=study, workers=workers)
+        if config.workers > 1:
+            serve_with_workers(config)
         run_server(config, announce=click.echo)
 
 
 main.add_command(admin)
 main.add_command(bots)
+main.add_command(backup)
+main.add_command(restore)
+main.add_command(migrate)
+main.add_command(doctor)
 main.add_command(erase)
 main.add_command(verify_log)
 study.add_command(replay)

@@ -2,12 +2,14 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 DEFAULT_STUDY = "sakai2021"
 _MAX_PORT = 65535
+_MAX_WORKERS = 64
+_POSTGRES = ("postgres", "postgresql", "postgresql+psycopg")
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 """The names of this machine for itself."""
 
@@ -41,6 +43,9 @@ class Config:
             `XAR_HTTPS`.
         trusted_hosts: The names under which the server may be addressed; empty for all. `XAR_TRUSTED_HOSTS`, separated
             by commas, else the names of this machine where it listens to this machine alone, else all.
+        access_log: Whether to write a line for each request, with nothing about who asked. `XAR_ACCESS_LOG`.
+        database_url: The address of the PostgreSQL database, `DATABASE_URL`; None for SQLite's file in the instance.
+        workers: How many processes serve; with SQLite one. `WEB_CONCURRENCY`.
     """
 
     instance: Path
@@ -50,6 +55,9 @@ class Config:
     port: int = 8000
     https: bool = False
     trusted_hosts: tuple[str, ...] = _TRUSTED_ON_LOOPBACK
+    access_log: bool = False
+    database_url: str | None = field(default=None, repr=False)  # It may hold a password.
+    workers: int = 1
 
     @property
     def mode(self) -> Literal["live", "test"]:
@@ -58,8 +66,17 @@ class Config:
 
     @property
     def database_path(self) -> Path:
-        """The database file."""
+        """The database file of the SQLite edition."""
         return self.instance / "xar.sqlite3"
+
+
+def _address_problems(database_url: str | None) -> list[str]:
+    """Return what is wrong with an address; only what comes before the name and the password is repeated."""
+    if database_url is None or database_url.partition("://")[0] in _POSTGRES:
+        return []
+    kind = re.match("[a-zA-Z0-9+]{1,20}://", database_url)
+    told = f"begins with {kind[0]!r}" if kind else "is no address"
+    return [f"DATABASE_URL {told}; use postgresql://name:password@host/database, or remove it for SQLite"]
 
 
 def read_config(environment: Mapping[str, str], *, live: bool = False, **given: str | int | None) -> Config:
@@ -82,8 +99,15 @@ def read_config(environment: Mapping[str, str], *, live: bool = False, **given: 
     port, https = setting("port", "8000"), setting("https", "no").lower()
     if not re.fullmatch("[0-9]{1,5}", port) or int(port) > _MAX_PORT:
         problems.append(f"XAR_PORT or --port is {port!r}; use a number from 0 to {_MAX_PORT}")
-    if https not in _YES_OR_NO:
-        problems.append(f"XAR_HTTPS is {https!r}; use yes or no")
+    access_log = setting("access_log", "no").lower()
+    switches = (("HTTPS", https), ("ACCESS_LOG", access_log))
+    problems += [f"XAR_{name} is {value!r}; use yes or no" for name, value in switches if value not in _YES_OR_NO]
+    database_url = environment.get("DATABASE_URL") or None
+    problems += _address_problems(database_url)
+    told_workers = given.get("workers")
+    workers = environment.get("WEB_CONCURRENCY") or "1" if told_workers is None else str(told_workers)
+    if not re.fullmatch("[0-9]{1,3}", workers) or not 1 <= int(workers) <= _MAX_WORKERS:
+        problems.append(f"WEB_CONCURRENCY or --workers is {workers!r}; use a number from 1 to {_MAX_WORKERS}")
     host, study, instance = (
         setting("host", "127.0.0.1"),
         setting("study", DEFAULT_STUDY),
@@ -106,4 +130,7 @@ def read_config(environment: Mapping[str, str], *, live: bool = False, **given: 
         port=int(port),
         https=_YES_OR_NO[https],
         trusted_hosts=tuple(name for name in trusted if name),
+        access_log=_YES_OR_NO[access_log],
+        database_url=database_url,
+        workers=int(workers),
     )

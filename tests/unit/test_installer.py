@@ -11,6 +11,7 @@ import pytest
 from tests.conftest import ROOT
 
 SCRIPT = ROOT / ".ci/install.py"
+PROGRAMS = ("nginx", "openssl", "strace", "systemd-analyze")
 
 
 def install(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -25,16 +26,18 @@ def install(*arguments: str, **environment: str) -> subprocess.CompletedProcess[
 
 @pytest.fixture
 def ready(tmp_path: Path) -> Path:
-    """An environment whose stamp says that everything is there."""
+    """An environment whose stamp says that everything is there, and the programs that are no browsers."""
     stamp = runpy.run_path(str(SCRIPT))["fingerprint"]()
     (tmp_path / ".installed").write_text(stamp, encoding="utf-8")
+    for name in PROGRAMS:
+        (tmp_path / name).touch(mode=0o755)
     return tmp_path
 
 
 def test_where_the_stamp_matches_nothing_is_done(ready: Path) -> None:
     finished = install("--environment", str(ready))
     assert (finished.returncode, finished.stdout, finished.stderr) == (0, "", "")
-    assert [path.name for path in ready.iterdir()] == [".installed"]
+    assert {path.name for path in ready.iterdir()} == {".installed", *PROGRAMS}
 
 
 def test_browsers_that_are_named_are_taken(ready: Path) -> None:
@@ -51,9 +54,19 @@ def test_without_a_browser_and_a_way_to_get_one_it_says_what_to_do(ready: Path, 
     nowhere = {"PATH": str(ready), "HOME": str(ready), f"XAR_{there}": str(named), f"XAR_{missing}": "missing"}
     finished = install("--environment", str(ready), "--browser", **nowhere)
     assert finished.returncode == 2
-    assert finished.stderr.startswith(f"install: the browser tests need {missing.capitalize()} (Debian, as root: ")
+    assert finished.stderr.startswith(f"install: the tests need {missing.capitalize()} (Debian, as root: ")
     assert there.capitalize() not in finished.stderr
     assert len(finished.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("program", ["openssl", "systemd-analyze"])
+def test_without_a_program_of_the_deployment_it_says_which(ready: Path, program: str) -> None:
+    for name in ("chromium", "firefox"):
+        (ready / name).touch(mode=0o755)
+    (ready / program).unlink()
+    finished = install("--environment", str(ready), "--browser", PATH=str(ready), HOME=str(ready))
+    assert finished.returncode == 2
+    assert finished.stderr.startswith(f"install: the tests need {program} (Debian, as root: ")
 
 
 def test_without_any_browser_it_says_so_once(ready: Path) -> None:

@@ -133,7 +133,7 @@ def test_every_floor_is_the_version_that_is_locked_and_so_tested() -> None:
     pinned = settings()["tool"]["uv"]["constraint-dependencies"]  # type: ignore[index]
     locked = re.findall(r"^([a-z0-9-]+)==([\d.]+)", "\n".join([read("constraints.txt"), *pinned]), re.MULTILINE)
     for requirement in asked:
-        name, floor = re.match(r"([a-z0-9-]+)>=([\d.]+)", requirement).groups()  # type: ignore[union-attr]
+        name, floor = re.match(r"([a-z0-9-]+)(?:\[[a-z,]+\])?>=([\d.]+)", requirement).groups()  # type: ignore[union-attr]
         oldest = min((version for known, version in locked if known == name), key=_numbers)
         assert _numbers(oldest)[: len(_numbers(floor))] == _numbers(floor), f"{requirement} was tested at {oldest}"
 

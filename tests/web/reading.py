@@ -1,26 +1,45 @@
 """Looking into the database from outside, over a connection of its own."""
 
-import sqlite3
-from contextlib import closing
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from tests.outside import Outside, outside
+from webapp.config import Config
+
+
+def place(instance: Path) -> Config:
+    """Return the settings that say where an instance keeps its data, whichever database this run is about."""
+    return Config(instance, database_url=os.environ.get("DATABASE_URL"))
+
+
+@contextmanager
+def looking_into(instance: Path) -> Iterator[Outside]:
+    config = place(instance)
+    with outside(config.database_path, config.database_url) as connection:
+        yield connection
 
 
 def ask(instance: Path, question: str, *values: object) -> list[tuple[object, ...]]:
-    with closing(sqlite3.connect(instance / "xar.sqlite3", timeout=10)) as connection:
-        return connection.execute(question, values).fetchall()
+    with looking_into(instance) as connection:
+        return connection.ask(question, *values)
 
 
 def stored_ratings(instance: Path) -> dict[tuple[int, int], dict[str, int]]:
     """By participant's number and page: the ratings."""
     found: dict[tuple[int, int], dict[str, int]] = {}
-    with closing(sqlite3.connect(instance / "xar.sqlite3", timeout=10)) as connection:
-        for participant, page, item, rating in connection.execute(
-            "SELECT participant_id, page_number, item, rating FROM ratings"
-        ):
-            found.setdefault((participant, page), {})[item] = rating
+    for participant, page, item, rating in ask(
+        instance, "SELECT participant_id, page_number, item, rating FROM ratings"
+    ):
+        assert isinstance(participant, int)
+        assert isinstance(page, int)
+        assert isinstance(rating, int)
+        found.setdefault((participant, page), {})[str(item)] = rating
     return found
 
 
 def num_rows(instance: Path, table: str) -> int:
-    with closing(sqlite3.connect(instance / "xar.sqlite3", timeout=10)) as connection:
-        return int(connection.execute(f"SELECT count(*) FROM {table}").fetchone()[0])  # noqa: S608
+    ((number,),) = ask(instance, f"SELECT count(*) FROM {table}")  # noqa: S608
+    assert isinstance(number, int)
+    return number

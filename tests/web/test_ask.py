@@ -3,9 +3,7 @@
 import html
 import random
 import re
-import sqlite3
 from collections.abc import Callable
-from contextlib import closing
 from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
@@ -15,6 +13,7 @@ from werkzeug.test import TestResponse
 
 from tests.web.bundles import FILLED_IN, PATH, SUBGOALS, WAY, read_study, write_bundle
 from tests.web.people import Visitor
+from tests.web.reading import looking_into
 from webapp.config import Config
 from webapp.study.routes import MAX_ROUTE_ACTIONS
 
@@ -75,9 +74,8 @@ def view(state: int) -> str:
 
 
 def every_row(instance: Path) -> dict[str, list[tuple[object, ...]]]:
-    with closing(sqlite3.connect(instance / "xar.sqlite3")) as connection:
-        tables = [name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
-        return {name: connection.execute(f"SELECT * FROM {name}").fetchall() for name in tables}  # noqa: S608
+    with looking_into(instance) as connection:
+        return {name: connection.ask(f"SELECT * FROM {name}") for name in connection.tables()}  # noqa: S608
 
 
 def test_nothing_is_stored_and_no_cookie_is_set(visitor: Visitor, instance: Path) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from tests.web.bundles import FILLED_IN, read_study, write_bundle
-from tests.web.reading import ask, num_rows
+from tests.web.reading import ask, num_rows, place
 from tests.web.servers import run as run_xar
 from tests.web.servers import serving
 from tests.web.studies import BACKGROUND, CHECKS, PROLIFIC, QUIZ, a_study, one_experiment
@@ -151,7 +151,7 @@ def surroundings(instance: Path) -> Iterator[Surroundings]:
     """What bots need who are run by hand, on a server in a process of its own."""
     write_bundle(instance, read_study())
     catalogue = Catalogue.open(current_bundle(instance, "sakai2021"))
-    with serving(instance) as server, open_database(instance / "xar.sqlite3", make=False) as database:
+    with serving(instance) as server, open_database(place(instance), make=False) as database:
         yield Surroundings(
             site=Site("127.0.0.1", server.port, f"127.0.0.1:{server.port}"),
             database=database,

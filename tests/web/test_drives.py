@@ -18,7 +18,7 @@ from webapp.config import Config
 from webapp.storage.helping import restart_page
 from webapp.views.services import services_of, utc_now
 
-OUTCOME = "SELECT phase, end, num_steps, optimum, step_limit, subgoals_passed, key_points FROM drives"
+OUTCOME = 'SELECT phase, "end", num_steps, optimum, step_limit, subgoals_passed, key_points FROM drives'
 JSON = SAME_SITE | {"Accept": "application/json"}
 
 
@@ -134,7 +134,7 @@ def test_the_last_step_ends_the_drive(app: Callable[..., Flask], instance: Path)
 def test_the_goal_at_the_last_step_is_reached(app: Callable[..., Flask], instance: Path) -> None:
     visitor = arrive(app(drive={"steps_per_optimal_step": 1}))
     Driver(visitor, 4).drive(*WAY)
-    assert ask(instance, "SELECT end FROM drives") == [("reached",)]
+    assert ask(instance, 'SELECT "end" FROM drives') == [("reached",)]
 
 
 class TestSentAgain:
@@ -294,7 +294,7 @@ class TestTailored:
         pictures, page = self.explained(visitor)
         assert pictures == self.pictures_of(*SUBGOALS)
         assert "nothing was missing on your way" in page
-        assert ask(instance, "SELECT phase, end, key_points FROM drives") == [("before", "reached", "")]
+        assert ask(instance, 'SELECT phase, "end", key_points FROM drives') == [("before", "reached", "")]
 
     def test_then_they_drive_again(self, app: Callable[..., Flask], instance: Path) -> None:
         visitor = arrive(app(kinds=["tailored_all"]), last=2)
@@ -303,7 +303,7 @@ class TestTailored:
         visitor.post("/study/4", form)
         Driver(visitor, 5).drive(*WAY)
         assert visitor.place() == "/done"
-        rows = ask(instance, "SELECT phase, end FROM drives ORDER BY page_number")
+        rows = ask(instance, 'SELECT phase, "end" FROM drives ORDER BY page_number')
         assert rows == [("before", "gave_up"), ("after", "reached")]
 
 
@@ -316,7 +316,7 @@ def test_the_practice_is_a_drive_of_its_own(instance: Path, start_app: Callable[
     assert "three squares by three" in page
     Driver(visitor, 2).drive("left", "give_up")
     assert "The practice is over" in visitor.get("/study/3").text
-    assert ask(instance, "SELECT phase, layout, end FROM drives") == [("practice", "simulation", "gave_up")]
+    assert ask(instance, 'SELECT phase, layout, "end" FROM drives') == [("practice", "simulation", "gave_up")]
 
 
 def test_the_nonce_of_a_drive_is_needed(app: Callable[..., Flask], instance: Path) -> None:

@@ -1,15 +1,15 @@
 """`xar admin`, `xar verify-log` and `xar erase`."""
 
 import json
-import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
 
+from tests.outside import outside
 from tests.unit.storage.people import NOW, enrol_somebody, walk
+from tests.web.reading import place
 from webapp.cli import main
 from webapp.storage.accounts import accounts, create_researcher
 from webapp.storage.database import Database, open_database
@@ -21,7 +21,7 @@ PASSWORD = "correct horse battery"  # noqa: S105
 
 @pytest.fixture
 def database(instance: Path) -> Iterator[Database]:
-    with open_database(instance / "xar.sqlite3") as database:
+    with open_database(place(instance)) as database:
         yield database
 
 
@@ -81,8 +81,8 @@ def test_a_log_is_verified_by_command_and_a_change_found(instance: Path, databas
     walk(database, enrol_somebody(database), 1)
     assert xar(instance, "verify-log", "--head", head).exit_code == 0
     assert "Everything is as it was recorded." in xar(instance, "verify-log").output
-    with closing(sqlite3.connect(database.path)) as connection:
-        connection.execute("DROP TRIGGER ratings_never_change")
+    with outside(database) as connection:
+        connection.disarm()
         connection.execute("UPDATE ratings SET rating = 1")
         connection.commit()
     bad = xar(instance, "verify-log")

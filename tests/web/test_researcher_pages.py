@@ -73,6 +73,12 @@ def test_a_wrong_password_is_refused_without_saying_what_was_wrong(stranger: Vis
     assert stranger.get("/researcher/").status_code == 303
 
 
+def test_a_nul_in_a_name_or_an_address_finds_nobody(researcher: Visitor, stranger: Visitor) -> None:
+    assert sign_in(stranger, f"{NAME}\0").status_code == 422
+    assert researcher.get("/researcher/people/abc%00").status_code == 404
+    assert researcher.post("/researcher/accounts/abc%00/sessions").status_code == 404
+
+
 @pytest.mark.parametrize("name", [NAME, f"confirm:{NAME}", f"\N{LATIN SMALL LETTER Y WITH DIAERESIS}{NAME}"])
 def test_wrong_sign_ins_from_outside_keep_nobody_inside_from_confirming(
     researcher: Visitor, app: Flask, clock: Clock, name: str

@@ -16,7 +16,7 @@ from tests.web.reading import ask, num_rows
 from tests.web.researchers import PASSWORD, researcher_of, unblind
 from tests.web.test_results_pages import KINDS, kinds_told, plain, study_with, take_part
 from webapp.config import Config
-from webapp.storage import database as database_module
+from webapp.storage import sqlite_edition
 from webapp.storage.answers import store_step
 from webapp.study.answers import DriveStep
 from webapp.study.protocol import Study
@@ -196,10 +196,11 @@ def test_erasing_asks_for_code_and_password_and_leaves_nobody(researcher: Visito
     assert code not in researcher.get("/researcher/records").text
 
 
+@pytest.mark.sqlite_only(reason="a reader holds up SQLite's file")
 def test_traces_that_somebody_keeps_on_the_disk_are_told_of(
     instance: Path, start_app: Callable[[Config], Flask], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(database_module, "journal_mode", lambda _: "wal")  # The other journal lets nobody read on.
+    monkeypatch.setattr(sqlite_edition, "journal_mode", lambda _: "wal")  # The other journal lets nobody read on.
     app = start_app(Config(instance))
     Visitor(app).agree()
     researcher = researcher_of(app)

@@ -83,8 +83,11 @@ def is_of_this_machine(host: str) -> bool:
 @contextmanager
 def _own_server(config: Config) -> Iterator[str]:
     """Run `xar serve` as a test run, on a free port that nobody else can reach."""
-    inherited = {name: value for name, value in os.environ.items() if not name.startswith("XAR_")}
+    ours = ("XAR_", "DATABASE_URL", "WEB_CONCURRENCY")
+    inherited = {name: value for name, value in os.environ.items() if not name.startswith(ours)}
     settings = {"XAR_INSTANCE": str(config.instance), "XAR_STUDY": config.study}
+    if config.database_url is not None:
+        settings["DATABASE_URL"] = config.database_url
     command = [sys.executable, "-P", "-c", _SERVE, "serve", "--host", "127.0.0.1", "--port", "0"]
     with (
         tempfile.TemporaryFile("w+") as log,

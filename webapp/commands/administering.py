@@ -40,7 +40,7 @@ def create(name: str, role: str, *, generate_password: bool, if_missing: bool) -
 
     with refusals():
         check_name(name)
-    with refusals(), open_database(read_config(os.environ).database_path) as database:
+    with refusals(), open_database(read_config(os.environ)) as database:
         if if_missing and has_researcher(database, name):
             click.echo(f"The account {name!r} is there already; its password stays as it is.")
             return
@@ -58,7 +58,7 @@ def list_accounts() -> None:
     from webapp.storage.accounts import accounts
     from webapp.storage.database import open_database
 
-    with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
+    with refusals(), open_database(read_config(os.environ), make=False) as database:
         found = accounts(database, datetime.now(UTC))
     if not found:
         click.echo("There is no account yet; `xar admin create NAME` makes one.")
@@ -79,7 +79,7 @@ def give_role(name: str, role: str) -> None:
     from webapp.storage.records import COMMAND_LINE
     from webapp.storage.researchers import ROLES as KNOWN
 
-    with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
+    with refusals(), open_database(read_config(os.environ), make=False) as database:
         change_role(database, name, KNOWN[ROLES.index(role)], COMMAND_LINE, datetime.now(UTC))
     click.echo(f"The account {name!r} is {_article(role)} now.")
 
@@ -97,7 +97,7 @@ def change_password(name: str, *, generate_password: bool) -> None:
     from webapp.storage.database import open_database
     from webapp.storage.records import COMMAND_LINE
 
-    with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
+    with refusals(), open_database(read_config(os.environ), make=False) as database:
         password = secrets.token_urlsafe(15) if generate_password else ask_for_password()
         change(database, name, password, COMMAND_LINE, datetime.now(UTC))
     click.echo(f"The account {name!r} has another password, and is signed out everywhere.")
@@ -114,7 +114,7 @@ def disable_account(name: str) -> None:
     from webapp.storage.database import open_database
     from webapp.storage.records import COMMAND_LINE
 
-    with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
+    with refusals(), open_database(read_config(os.environ), make=False) as database:
         disable(database, name, COMMAND_LINE, datetime.now(UTC))
     click.echo(f"The account {name!r} is closed, and signed out everywhere.")
 
@@ -128,7 +128,7 @@ def sign_out(name: str) -> None:
     from webapp.storage.database import open_database
     from webapp.storage.records import COMMAND_LINE
 
-    with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
+    with refusals(), open_database(read_config(os.environ), make=False) as database:
         ended = revoke_sessions(database, name, COMMAND_LINE, datetime.now(UTC))
     click.echo(f"The account {name!r} was signed out; sessions ended: {ended}.")
 

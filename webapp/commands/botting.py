@@ -133,7 +133,7 @@ def _let_them_take_part(  # noqa: PLR0913 - the options of the verb.
     catalogue = Catalogue.open(current_bundle(config.instance, config.study))
     planted = parse_effects(effects, catalogue.study)
     plans = make_plan(shares, participants, _languages(languages, catalogue), seed)
-    with a_server(config) as site, open_database(config.database_path, make=False) as database:
+    with a_server(config) as site, open_database(config, make=False) as database:
         around = surroundings_on(site, database, config, catalogue, planted, pace)
         with _progress(participants) as advance:
             reports = run(plans, around, num_workers=workers, limit_s=time_limit, on_end=lambda _report: advance())

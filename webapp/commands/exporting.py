@@ -38,7 +38,7 @@ def export(
 
     with _refusals():
         config = read_config(os.environ)
-        with open_database(config.database_path, make=False) as database:
+        with open_database(config, make=False) as database:
             wanted = _wanted(config.instance, study, study_version, mode, with_free_text=with_free_text)
             now = datetime.now(UTC)
             num_rows = write_dataset(database, folder, wanted, now)
@@ -59,7 +59,7 @@ def recruits(file: Path) -> None:
     from webapp.storage.database import open_database
     from webapp.storage.exports import export_recruits
 
-    with _refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
+    with _refusals(), open_database(read_config(os.environ), make=False) as database:
         num_rows = export_recruits(database, file, datetime.now(UTC))
     _echo_written(file, num_rows)
 
@@ -81,7 +81,7 @@ def reconcile(file: Path, study: str | None, mode: str, id_column: str | None, *
 
     with _refusals():
         config = read_config(os.environ)
-        with open_database(config.database_path, make=False) as database:
+        with open_database(config, make=False) as database:
             found = reconcile_file(database, config.instance, file, study, mode, id_column)
     if as_json:
         show_json(found.as_json())

@@ -140,7 +140,7 @@ def _latest_recorded(config: "Config", study: str) -> str | None:
     from webapp.storage.database import open_database
     from webapp.storage.publications import latest_published
 
-    with open_database(config.database_path) as database, database.read() as connection:
+    with open_database(config) as database, database.read() as connection:
         return latest_published(connection, study)
 
 
@@ -181,5 +181,5 @@ def _record(published: Published, config: "Config", note: str, now: datetime) ->
         "changes": list(published.changes),
     }
     entry = Entry(now, COMMAND_LINE, "published", Scope(published.study, published.version, "live"), content=content)
-    with open_database(config.database_path) as database, database.write() as connection:
+    with open_database(config) as database, database.write() as connection:
         append(connection, entry)

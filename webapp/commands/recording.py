@@ -18,7 +18,7 @@ def verify_log(head: str | None, *, as_json: bool) -> None:
     from webapp.storage.database import open_database
     from webapp.storage.verification import verify_log as verify
 
-    with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
+    with refusals(), open_database(read_config(os.environ), make=False) as database:
         found = verify(database, known=_head(head))
     told = {"records": found.head.number, "head": found.head.hash, "erased": found.num_erased}
     lines = [f"Records: {found.head.number}, head {found.head.hash}"]
@@ -38,7 +38,7 @@ def replay(*, as_json: bool) -> None:
     from webapp.storage.database import open_database
     from webapp.storage.replay import replay as draw_again
 
-    with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
+    with refusals(), open_database(read_config(os.environ), make=False) as database:
         found = draw_again(database)
     again = found.num_allocations - found.num_before
     lines = [f"Allocations: {found.num_allocations}; drawn again from their words and the counts before: {again}"]
@@ -63,14 +63,15 @@ def erase(code: str, *, yes: bool) -> None:
     from webapp.storage.people import find_person
     from webapp.storage.records import COMMAND_LINE
 
-    with refusals(), open_database(read_config(os.environ).database_path, make=False) as database:
+    with refusals(), open_database(read_config(os.environ), make=False) as database:
         find_person(database, code)
         if not yes:
             click.confirm(f"Erase everything of participant {code!r}, for good?", abort=True)
         is_gone = erase_person(database, code, COMMAND_LINE, datetime.now(UTC))
+        last_traces = database.edition.last_traces
     click.echo(f"Participant {code!r} is erased. Delete their rows from files that were exported before.")
     if not is_gone:
-        click.echo("The database was in use: the last traces leave the disk when the server is stopped or restarted.")
+        click.echo(last_traces)
 
 
 def _tell(told: Mapping[str, object], lines: Sequence[str], problems: Sequence[str], *, as_json: bool) -> None:

@@ -60,7 +60,7 @@ def perform(
         ExportError: The data set cannot be written.
     """
     plans = make_plan(parse_mix(cast.mix), cast.num_bots, catalogue.study.languages[:1], cast.seed)
-    with a_server(config) as site, open_database(config.database_path, make=False) as database:
+    with a_server(config) as site, open_database(config, make=False) as database:
         around = surroundings_on(site, database, config, catalogue, cast.effects)
         reports = run(plans, around, num_workers=cast.workers, limit_s=_LIMIT_S, on_end=lambda _report: on_end())
         _refuse_trouble(reports, [*(reckoned := reckon(reports, database)).lost, *reckoned.doubled])

@@ -3,7 +3,6 @@
 import json
 import re
 import tempfile
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import date
@@ -22,7 +21,7 @@ from webapp.stimuli.learned import learned_agents, setting_problems
 from webapp.stimuli.publication import MANIFEST
 from webapp.stimuli.sources import read_sources
 from webapp.study.analysis_plan import plan_of
-from webapp.study.problems import StudyError, located
+from webapp.study.problems import StudyError, located, read_toml
 from webapp.study.protocol import Study, parse_study
 from webapp.study.required_sample import RequiredSamples, design_digest, read_required
 from webapp.study.sections import Quality
@@ -165,8 +164,8 @@ def _of_texts(file: Path, language: str) -> Iterator[str]:
 
 def _tree(text: str) -> Mapping[str, Any]:
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
+        return read_toml(text, "")
+    except StudyError:
         return {}
 
 

@@ -17,7 +17,7 @@ from webapp.stimuli.own_kinds import OwnKindFunction
 from webapp.stimuli.own_worlds import ShownWorld, load_world
 from webapp.stimuli.plug_ins import KINDS_GROUP, Origin, find, origin_of, study_modules
 from webapp.study.page_texts import PAGE_TEXTS
-from webapp.study.problems import StudyError, located
+from webapp.study.problems import StudyError, check_size, located
 from webapp.study.protocol import Study, parse_study
 from webapp.study.study_texts import study_texts
 from webapp.study.texts import Texts, Wanted, check_texts, parse_texts
@@ -223,6 +223,7 @@ def _wanted(study: Study, texts: Texts) -> dict[str, Wanted]:
 
 def _read(file: Path) -> str:
     try:
+        check_size(file.stat().st_size, str(file))
         return file.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise StudyError([f"{file}: is missing"]) from None

@@ -6,12 +6,11 @@ from datetime import datetime
 from sqlalchemy import ColumnElement, Connection, delete, func, insert, select, update
 
 from webapp.storage.database import Database
+from webapp.storage.passwords import WeakPasswordError, check_password
 from webapp.storage.records import ACTORS, COMMAND_LINE, Entry, append
 from webapp.storage.researchers import ABSOLUTE_LIMIT, IDLE_LIMIT, Role, hash_password
 from webapp.storage.tables import researcher_sessions, researchers
 
-MIN_PASSWORD_LENGTH = 12
-MAX_PASSWORD_LENGTH = 1024
 MAX_NAME_LENGTH = 64
 
 
@@ -81,7 +80,7 @@ def create_researcher(database: Database, name: str, password: str, now: datetim
         AccountError: The name or the password cannot be used.
     """
     check_name(name)
-    hashed = _hashed(password)
+    hashed = _hashed(password, name)
     with database.write() as connection:
         if connection.execute(select(researchers.c.id).where(researchers.c.name == name)).one_or_none():
             raise AccountExistsError(f"there is an account {name!r} already")
@@ -147,7 +146,7 @@ def change_password(database: Database, name: str, password: str, actor: str, no
     Raises:
         AccountError: There is no such account, or the password cannot be used.
     """
-    hashed = _hashed(password)
+    hashed = _hashed(password, name)
     with database.write() as connection:
         account = _change(connection, name, password_hash=hashed)
         connection.execute(delete(researcher_sessions).where(researcher_sessions.c.researcher_id == account))
@@ -188,9 +187,11 @@ def revoke_sessions(database: Database, name: str, actor: str, now: datetime, se
 _ID_LENGTH = 12
 
 
-def _hashed(password: str) -> str:
-    if not MIN_PASSWORD_LENGTH <= len(password) <= MAX_PASSWORD_LENGTH:
-        raise AccountError(f"a password needs at least {MIN_PASSWORD_LENGTH} characters, not {len(password)}")
+def _hashed(password: str, name: str) -> str:
+    try:
+        check_password(password, name)
+    except WeakPasswordError as error:
+        raise AccountError(str(error)) from None
     return hash_password(password)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import fields
 from datetime import datetime
 
-from sqlalchemy import Connection, insert, select, update
+from sqlalchemy import Connection, bindparam, insert, select, update
 
 from webapp.storage.ledger import resume_slot
 from webapp.storage.participants import Participant
@@ -23,6 +23,15 @@ from webapp.study.answers import Answer, DriveResult, DriveStep, Event, PageCont
 from webapp.study.questionnaire import Ratings
 from webapp.study.session import Page
 
+# Every page that is sent needs these; putting them together takes longer than asking.
+_INSERTS = {table: insert(table) for table in (answers, drive_steps, drives, events, pages, predictions, ratings)}
+_TOUCH = update(participants).where(participants.c.id == bindparam("whose"))
+_TRIAL_NUMBER = select(trials.c.number).where(
+    trials.c.participant_id == bindparam("whose"),
+    trials.c.experiment == bindparam("experiment"),
+    trials.c.position == bindparam("position"),
+)
+
 
 def insert_page(
     connection: Connection, participant: Participant, page: Page, nonce: str, content: PageContent, now: datetime
@@ -30,7 +39,7 @@ def insert_page(
     """Insert a page with what stands on it; answers to questions have been inserted by then."""
     number = trial_number(connection, participant.id, page)
     row = {"participant_id": participant.id, "number": page.number, "kind": page.kind, "trial_number": number}
-    connection.execute(insert(pages).values(**row, nonce=nonce, submitted_at=now))
+    connection.execute(_INSERTS[pages], {**row, "nonce": nonce, "submitted_at": now})
     key = {"participant_id": participant.id, "page_number": page.number}
     for table, rows in (
         (ratings, _rating_rows(content.ratings)),
@@ -39,7 +48,7 @@ def insert_page(
         (events, _event_rows(content.events, page)),
     ):
         if rows:
-            connection.execute(insert(table), [key | values for values in rows])
+            connection.execute(_INSERTS[table], [key | values for values in rows])
 
 
 def insert_answers(
@@ -49,14 +58,12 @@ def insert_answers(
     purpose = {"background": "background", "quiz": "quiz"}.get(page.kind, "attention")
     key = {"participant_id": participant_id, "page_number": page.number, "attempt": attempt}
     rows = [key | row | {"purpose": purpose, "submitted_at": now} for row in _rows(content.answers, Answer)]
-    connection.execute(insert(answers), rows)
+    connection.execute(_INSERTS[answers], rows)
 
 
 def touch(connection: Connection, participant: Participant, now: datetime, **changes: datetime | None) -> None:
     """Note a sign of life; the place of somebody who comes back late counts again."""
-    connection.execute(
-        update(participants).where(participants.c.id == participant.id).values(last_seen_at=now, **changes)
-    )
+    connection.execute(_TOUCH, {"whose": participant.id, "last_seen_at": now, **changes})
     if participant.slot_released_at is not None:
         resume_slot(connection, participant.scope, participant.subject, now)
 
@@ -68,19 +75,15 @@ def insert_step(
     row = {"number": number, "action": step.action, "elapsed_ms": step.elapsed_ms}
     of_page = {"participant_id": participant_id, "page_number": page.number, "page_kind": page.kind}
     trial = trial_number(connection, participant_id, page)
-    connection.execute(insert(drive_steps).values(**of_page, **row, trial_number=trial, received_at=now))
+    connection.execute(_INSERTS[drive_steps], {**of_page, **row, "trial_number": trial, "received_at": now})
 
 
 def trial_number(connection: Connection, participant_id: int, page: Page) -> int | None:
     """Return the number of the trial that a page belongs to; None before the trials."""
     if page.trial is None:
         return None
-    query = select(trials.c.number).where(
-        trials.c.participant_id == participant_id,
-        trials.c.experiment == page.trial.experiment,
-        trials.c.position == page.trial.position,
-    )
-    return int(connection.execute(query).scalar_one())
+    wanted = {"whose": participant_id, "experiment": page.trial.experiment, "position": page.trial.position}
+    return int(connection.execute(_TRIAL_NUMBER, wanted).scalar_one())
 
 
 def _rows(entries: Sequence[Answer] | Sequence[Prediction], kind: type[Answer | Prediction]) -> list[dict[str, object]]:

@@ -1,8 +1,9 @@
 """The flow of participants as a figure: SVG that any browser and word processor shows, with its numbers as text."""
 
+import re
 import textwrap
 from collections.abc import Iterator, Sequence
-from xml.sax.saxutils import escape
+from xml.sax.saxutils import escape as escape_markup
 
 from webapp.storage.consort import FATES, Counts, Fate, Flow
 
@@ -44,7 +45,7 @@ def draw_flows(flows: Sequence[Flow]) -> str:
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {y}" width="{_WIDTH}" height="{y}"',
             ' role="img" aria-labelledby="title desc">',
             '<title id="title">Flow of participants</title>',
-            f'<desc id="desc">{escape(told)}</desc>',
+            f'<desc id="desc">{_escape(told)}</desc>',
             f"<style>{_STYLE}</style>",
             '<defs><marker id="arrow" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="8" markerHeight="8"',
             ' orient="auto"><path d="M0 0 8 4 0 8z" fill="#1a1a1a"/></marker></defs>',
@@ -172,4 +173,12 @@ def _arrow(x1: int, y1: int, x2: int, y2: int) -> str:
 def _text(x: int, y: int, text: str, style: str = "", *, anchor: str = "start") -> str:
     kind = f' class="{style}"' if style else ""
     where = "" if anchor == "start" else f' text-anchor="{anchor}"'
-    return f'<text x="{x}" y="{y}"{kind}{where}>{escape(text)}</text>'
+    return f'<text x="{x}" y="{y}"{kind}{where}>{_escape(text)}</text>'
+
+
+def _escape(text: str) -> str:
+    """Return a text for XML, which has no control characters; with one of them there would be no picture at all."""
+    return escape_markup(_NOT_IN_XML.sub("", text))
+
+
+_NOT_IN_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

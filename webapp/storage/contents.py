@@ -2,9 +2,10 @@
 
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any, Protocol
 
-from sqlalchemy import Connection, Table, select
+from sqlalchemy import Connection, Select, Table, bindparam, select
 
 from webapp.storage.tables import (
     answers,
@@ -53,12 +54,8 @@ class Stored:
 
     def rows(self, table: Table, participant_id: int, **wanted: int) -> Sequence[_Row]:
         """Ask for these rows alone."""
-        owner = _owner(table)
-        columns = [column for column in table.columns if column.name != owner]
-        query = select(*columns).where(table.c[owner] == participant_id)
-        query = query.where(*(table.c[name] == value for name, value in wanted.items()))
-        found = self._connection.execute(query.order_by(*table.primary_key.columns)).mappings()
-        return [dict(row) for row in found]
+        found = self._connection.execute(_rows_with(table, *wanted), {"owner_": participant_id, **wanted})
+        return [dict(row) for row in found.mappings()]
 
 
 class Remembered:
@@ -140,6 +137,15 @@ def _ending(source: Source, participant_id: int, page: int) -> _Rows:
         for row in person
     ]
     return {"ended": [entry for entry in ended if any(entry.values())]}
+
+
+@cache
+def _rows_with(table: Table, *names: str) -> Select[Any]:
+    """Return the query for the rows of somebody with some values; putting it together takes longer than asking."""
+    owner = _owner(table)
+    columns = [column for column in table.columns if column.name != owner]
+    query = select(*columns).where(table.c[owner] == bindparam("owner_"))
+    return query.where(*(table.c[name] == bindparam(name) for name in names)).order_by(*table.primary_key.columns)
 
 
 def _owner(table: Table) -> str:

@@ -4,6 +4,7 @@ import codecs
 import csv
 import hashlib
 import io
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -12,9 +13,17 @@ from typing import IO
 from webapp.storage.streams import Row
 from webapp.storage.variables import Variable
 
-_FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
-"""What makes a spreadsheet take a text for a formula, and run it; the last are the wide forms of Japanese keyboards."""
+_SIGNS = "=+@\uff1d\uff0b\uff0d\uff20-"
+"""With what a formula begins; those after `@` are the wide forms of Japanese keyboards."""
 
+_FORMULA_STARTS = (*_SIGNS, "\t", "\r", "\n")
+"""What makes a spreadsheet take a text for a formula, and run it."""
+
+_AFTER_A_SEPARATOR = re.compile(rf"""([;\t\r\n][\s"']*)(?=[{_SIGNS}])""")
+"""Where a formula begins within a text for a spreadsheet that separates by semicolons or tabs, as many countries' do.
+
+Quotes do not keep such a text together there, because its field begins elsewhere.
+"""
 
 _BUFFERED = 1 << 16
 """How many characters are kept before they are written."""
@@ -62,7 +71,8 @@ def write_table(file: IO[bytes], columns: Sequence[Variable], rows: Iterable[Row
         columns: The columns.
         rows: A value for each column; times with their zone.
         for_spreadsheet: Whether to begin with a byte order mark, by which spreadsheets know the encoding, and to put
-            an apostrophe before each text that they would take for a formula. Numbers stay numbers.
+            an apostrophe before each text that they would take for a formula, and before each part of a text that
+            they would if semicolons or tabs separated fields. Numbers stay numbers.
     """
     counting = Counting(file)
     if for_spreadsheet:
@@ -96,6 +106,7 @@ def _exact(value: object) -> object:
 
 
 def _guarded(value: object) -> object:
-    if isinstance(value, str) and value.startswith(_FORMULA_STARTS):
-        return f"'{value}"
-    return _exact(value)
+    if not isinstance(value, str):
+        return _exact(value)
+    guarded = _AFTER_A_SEPARATOR.sub(r"\1'", value)
+    return f"'{guarded}" if guarded.startswith(_FORMULA_STARTS) else guarded

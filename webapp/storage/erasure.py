@@ -18,8 +18,7 @@ def erase(database: Database, code: str, actor: str, now: datetime) -> bool:
     The chain keeps salted digests, whose salt is erased too, and the ledger the place that was given out.
 
     Returns:
-        Whether nothing is left on the disk. If somebody kept the database open all the while, the last traces go when
-        it is closed.
+        Whether nothing is left on the disk. If not, `edition.last_traces` of the database tells when the rest goes.
 
     Raises:
         PersonError: There is no such participant.

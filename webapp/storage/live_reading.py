@@ -7,7 +7,7 @@ from datetime import datetime
 from itertools import pairwise
 from typing import Any
 
-from sqlalchemy import Connection, FromClause, Select, and_, case, func, select
+from sqlalchemy import Connection, FromClause, Integer, Select, and_, case, cast, func, select
 
 from webapp.storage.answers import RATED_PAGES
 from webapp.storage.live_plans import CellKey, Plan, Plans
@@ -138,12 +138,13 @@ def _read_drives(connection: Connection, found: Mapping[int, _Rows]) -> None:
 
 def _read_answers(connection: Connection, found: Mapping[int, _Rows]) -> None:
     """Read whether checks were answered rightly, and of the quiz which attempts were right as a whole."""
+    all_right = func.min(cast(answers.c.is_correct, Integer))
     query = (
-        select(answers.c.participant_id, answers.c.purpose, answers.c.attempt, func.min(answers.c.is_correct))
+        select(answers.c.participant_id, answers.c.attempt, all_right)
         .where(answers.c.participant_id.in_(found), answers.c.purpose == _QUIZ)
         .group_by(answers.c.participant_id, answers.c.page_number, answers.c.attempt)
     )
-    for who, _, attempt, is_right in connection.execute(query):
+    for who, attempt, is_right in connection.execute(query):
         found[who].quiz.append((attempt, bool(is_right)))
     checks = _of(answers, found, "is_correct").where(answers.c.purpose == _ATTENTION)
     for who, is_right in connection.execute(checks):

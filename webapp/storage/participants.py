@@ -3,9 +3,9 @@
 import hashlib
 from dataclasses import dataclass
 from datetime import datetime
-from typing import cast
+from typing import Any, cast
 
-from sqlalchemy import ColumnElement, Connection, RowMapping, func, or_, select, update
+from sqlalchemy import ColumnElement, Connection, RowMapping, Select, bindparam, func, or_, select, update
 
 from webapp.storage.database import Database
 from webapp.storage.records import PARTICIPANT, Entry, Subject, append
@@ -85,30 +85,23 @@ def find_participant(database: Database, token_hash: str) -> Participant | None:
 
 def read_participant(connection: Connection, token_hash: str) -> Participant | None:
     """Return the same within a transaction."""
-    linked = select(participant_tokens.c.participant_id).where(participant_tokens.c.token_hash == token_hash)
-    theirs = or_(participants.c.token_hash == token_hash, participants.c.id == linked.scalar_subquery())
-    return _read(connection, theirs)
+    return _read(connection, _BY_TOKEN, token_hash)
 
 
 def read_by_code(connection: Connection, code: str) -> Participant | None:
     """Return the participant of a public code, or None."""
-    return _read(connection, participants.c.code == code)
-
-
-def _read(connection: Connection, condition: ColumnElement[bool]) -> Participant | None:
-    num_stored = (
-        select(func.count()).select_from(pages).where(pages.c.participant_id == participants.c.id).scalar_subquery()
-    )
-    query = select(participants, num_stored.label("num_stored")).where(condition)
-    row = connection.execute(query).mappings().one_or_none()
-    return None if row is None else Participant(**{name: row[name] for name in Participant.__slots__})
+    return _read(connection, _BY_CODE, code)
 
 
 def find_trials(database: Database, participant: Participant) -> tuple[Trial, ...]:
     """Return a participant's trials in order."""
-    query = select(trials).where(trials.c.participant_id == participant.id).order_by(trials.c.number)
     with database.read() as connection:
-        return tuple(_trial(row) for row in connection.execute(query).mappings())
+        return read_trials(connection, participant)
+
+
+def read_trials(connection: Connection, participant: Participant) -> tuple[Trial, ...]:
+    """Return the same within a transaction."""
+    return tuple(_trial(row) for row in connection.execute(_TRIALS, {"wanted": participant.id}).mappings())
 
 
 def withdraw(database: Database, participant: Participant, now: datetime) -> None:
@@ -127,6 +120,31 @@ def withdraw(database: Database, participant: Participant, now: datetime) -> Non
         )
         if result.rowcount:
             append(connection, Entry(now, PARTICIPANT, "withdrew", participant.scope, participant.subject))
+
+
+def _people(condition: ColumnElement[bool]) -> Select[Any]:
+    num_stored = (
+        select(func.count()).select_from(pages).where(pages.c.participant_id == participants.c.id).scalar_subquery()
+    )
+    return select(participants, num_stored.label("num_stored")).where(condition)
+
+
+def _of_token(token_hash: ColumnElement[str]) -> ColumnElement[bool]:
+    linked = select(participant_tokens.c.participant_id).where(participant_tokens.c.token_hash == token_hash)
+    return or_(participants.c.token_hash == token_hash, participants.c.id == linked.scalar_subquery())
+
+
+# Every request asks these; putting them together takes longer than asking.
+_BY_TOKEN = _people(_of_token(bindparam("wanted")))
+_BY_CODE = _people(participants.c.code == bindparam("wanted"))
+_TRIALS = select(trials).where(trials.c.participant_id == bindparam("wanted")).order_by(trials.c.number)
+
+
+def _read(connection: Connection, query: Select[Any], wanted: str) -> Participant | None:
+    if "\0" in wanted:  # Nobody's code has a NUL, and PostgreSQL refuses to look for one.
+        return None
+    row = connection.execute(query, {"wanted": wanted}).mappings().one_or_none()
+    return None if row is None else Participant(**{name: row[name] for name in Participant.__slots__})
 
 
 def _trial(row: RowMapping) -> Trial:

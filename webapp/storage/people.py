@@ -159,12 +159,12 @@ def read_person(connection: Connection, code: str) -> Participant:
 
 
 def checked(what: str, text: str) -> str:
-    """Return what somebody wrote, without blanks at the ends.
+    """Return what somebody wrote, without blanks at the ends and without NUL, which PostgreSQL cannot store.
 
     Raises:
         PersonError: There is nothing, or too much.
     """
-    told = text.strip()
+    told = text.replace("\0", "").strip()
     if not told:
         raise PersonError(f"the {what} is missing; say it in up to {MAX_REASON_LENGTH} characters")
     if len(told) > MAX_REASON_LENGTH:
@@ -204,7 +204,8 @@ def _answer(connection: Connection, person: Participant, correction: Correction)
             )
         case _:
             raise PersonError(f"{correction.file!r} cannot be corrected; use {', '.join(CORRECTABLE)}")
-    given = connection.execute(query).scalar_one_or_none()
+    # Nothing that is asked has a NUL in its name, and PostgreSQL refuses to look for one.
+    given = None if "\0" in correction.question else connection.execute(query).scalar_one_or_none()
     if given is None:
         raise PersonError(f"participant {person.code!r} has no answer to {correction.question!r} on page {of_page[0]}")
     return str(given)

@@ -64,6 +64,10 @@ ACTORS = frozenset({PARTICIPANT, SYSTEM, COMMAND_LINE})
 FIRST_HASH = "0" * 64
 """What stands for the hash before the first record."""
 
+# Every change needs these; putting them together takes longer than asking.
+_HEAD = select(records.c.number, records.c.hash).order_by(records.c.number.desc()).limit(1)
+_INSERT_RECORD, _INSERT_CONTENT = insert(records), insert(record_contents)
+
 
 @dataclass(frozen=True, slots=True)
 class Subject:
@@ -145,23 +149,21 @@ def append(connection: Connection, entry: Entry) -> int:
         "subject": None if entry.subject is None else entry.subject.digest,
         "content_digest": content_digest(salt, told),
     }
-    connection.execute(insert(records).values(row | chained(row, last.hash)))
-    connection.execute(
-        insert(record_contents).values(
-            number=row["number"],
-            participant_id=None if entry.subject is None else entry.subject.id,
-            page_number=entry.page,
-            part=entry.part,
-            content=None if entry.content is None else canonical(entry.content),
-        )
-    )
+    connection.execute(_INSERT_RECORD, row | chained(row, last.hash))
+    beside = {
+        "number": row["number"],
+        "participant_id": None if entry.subject is None else entry.subject.id,
+        "page_number": entry.page,
+        "part": entry.part,
+        "content": None if entry.content is None else canonical(entry.content),
+    }
+    connection.execute(_INSERT_CONTENT, beside)
     return last.number + 1
 
 
 def head(connection: Connection) -> Head:
     """Return the end of the chain."""
-    query = select(records.c.number, records.c.hash).order_by(records.c.number.desc()).limit(1)
-    row = connection.execute(query).one_or_none()
+    row = connection.execute(_HEAD).one_or_none()
     return Head(0, FIRST_HASH) if row is None else Head(*row)
 
 
@@ -189,7 +191,7 @@ def told_by(connection: Connection, *actions: Action, scope: Scope | None = None
     )
     if scope is not None:
         query = query.where(scope.of(records))
-    for *told, content in connection.execution_options(yield_per=1000).execute(query):
+    for *told, content in connection.execute(query, execution_options={"yield_per": 1000}):
         yield (*told, None if content is None else json.loads(content))
 
 

@@ -11,7 +11,6 @@ from typing import Literal, get_args
 from argon2 import PasswordHasher, Type
 from argon2.exceptions import InvalidHashError, VerificationError
 from sqlalchemy import Connection, delete, insert, select, update
-from sqlalchemy.dialects.sqlite import insert as upsert
 
 from webapp.storage.database import Database
 from webapp.storage.participants import hash_token
@@ -36,6 +35,10 @@ _FORGET_AFTER = timedelta(days=1)
 _HASHER = PasswordHasher(time_cost=2, memory_cost=19 * 1024, parallelism=1, type=Type.ID)
 # A password hash takes 19 MiB and 50 ms: many sign-ins at once must not starve the participants.
 _HASHES_AT_ONCE = threading.BoundedSemaphore(2)
+# So many strangers may be at it or wait for it; the threads that are left serve participants and known browsers.
+_STRANGERS_AT_ONCE = threading.BoundedSemaphore(6)
+# Names are counted by three hexadecimal digits of their hash, so that made-up names fill 4,096 rows and no more.
+_BUCKET_DIGITS = 3
 
 
 class TooManyAttemptsError(RuntimeError):
@@ -69,23 +72,44 @@ class ResearcherSession:
         return ROLES.index(self.role) >= ROLES.index(role)
 
 
-def sign_in(database: Database, name: str, password: str, now: datetime) -> str | None:
+def sign_in(database: Database, name: str, password: str, now: datetime, browser: str | None = None) -> str | None:
     """Open a session.
 
-    The attempt is counted before the password is looked at, so that simultaneous guesses are all counted.
+    The attempt is counted before the password is looked at, so that simultaneous guesses are all counted. Those from a
+    browser that the account has signed in from before are counted apart: whoever guesses elsewhere, however often,
+    keeps nobody out of a browser of their own.
+
+    Args:
+        database: Where the accounts are.
+        name: The name that was typed.
+        password: The password that was typed.
+        now: The time of the attempt.
+        browser: The id of a browser from which this account has signed in before, as proven by its cookie.
 
     Returns:
         The token for the researcher's cookie; None if name and password do not belong together.
 
     Raises:
-        TooManyAttemptsError: Wrong passwords came too fast for this name, whether or not there is such an account.
+        TooManyAttemptsError: Wrong passwords came too fast for this name, whether or not there is such an account, or
+            too many strangers try at once.
     """
-    name_hash = hashlib.sha256(name.encode()).hexdigest()
+    if browser is not None:
+        return _sign_in(database, name, password, now, _counter_of_browser(name, browser))
+    if not _STRANGERS_AT_ONCE.acquire(blocking=False):
+        raise TooManyAttemptsError(wait_s=1)
+    try:
+        return _sign_in(database, name, password, now, _counter_of_strangers(name))
+    finally:
+        _STRANGERS_AT_ONCE.release()
+
+
+def _sign_in(database: Database, name: str, password: str, now: datetime, counter: str) -> str | None:
+    wanted = "" if "\0" in name else name  # No account's name has a NUL, and PostgreSQL refuses to look for one.
     with database.write() as connection:
-        _count_attempt(connection, name_hash, now)
+        _count_attempt(connection, counter, now)
         account = connection.execute(
             select(researchers.c.id, researchers.c.password_hash).where(
-                researchers.c.name == name, researchers.c.disabled_at.is_(None)
+                researchers.c.name == wanted, researchers.c.disabled_at.is_(None)
             )
         ).one_or_none()
     right = _verify(_nobodys_hash() if account is None else account.password_hash, password)
@@ -94,7 +118,7 @@ def sign_in(database: Database, name: str, password: str, now: datetime) -> str 
     token = secrets.token_urlsafe(32)
     session = {"token_hash": hash_token(token), "researcher_id": account.id, "created_at": now, "last_seen_at": now}
     with database.write() as connection:
-        connection.execute(delete(sign_in_attempts).where(sign_in_attempts.c.name_hash == name_hash))
+        connection.execute(delete(sign_in_attempts).where(sign_in_attempts.c.name_hash == counter))
         connection.execute(delete(researcher_sessions).where(researcher_sessions.c.created_at < now - ABSOLUTE_LIMIT))
         connection.execute(insert(researcher_sessions).values(session))
         append(connection, Entry(now, name, "signed_in"))
@@ -147,16 +171,15 @@ def knows_password(database: Database, session: ResearcherSession, password: str
     Raises:
         TooManyAttemptsError: Wrong passwords came too fast.
     """
-    # No text in UTF-8 has the byte 0xFF, so that no name that somebody signs in with is counted here.
-    name_hash = hashlib.sha256(b"\xff" + session.name.encode()).hexdigest()
+    counter = _counter("confirm", session.name)
     with database.write() as connection:
-        _count_attempt(connection, name_hash, now)
+        _count_attempt(connection, counter, now)
         query = select(researchers.c.password_hash).where(researchers.c.name == session.name)
         hashed = connection.execute(query).scalar_one()
     if not _verify(hashed, password):
         return False
     with database.write() as connection:
-        connection.execute(delete(sign_in_attempts).where(sign_in_attempts.c.name_hash == name_hash))
+        connection.execute(delete(sign_in_attempts).where(sign_in_attempts.c.name_hash == counter))
     return True
 
 
@@ -185,8 +208,21 @@ def _verify(hashed: str, password: str) -> bool:
             return False
 
 
+def _counter_of_strangers(name: str) -> str:
+    return hashlib.sha256(name.encode(errors="replace")).hexdigest()[:_BUCKET_DIGITS]
+
+
+def _counter_of_browser(name: str, browser: str) -> str:
+    return _counter("browser", browser, name)
+
+
+def _counter(*parts: str) -> str:
+    """Return a counter's name, which has all 64 digits and so is none of the strangers'."""
+    return hashlib.sha256("|".join(parts).encode(errors="replace")).hexdigest()
+
+
 def _count_attempt(connection: Connection, name_hash: str, now: datetime) -> None:
-    """Count one more failure for a name, taken back by `sign_in` if the password is right."""
+    """Count one more failure by a counter, taken back by `sign_in` if the password is right."""
     connection.execute(delete(sign_in_attempts).where(sign_in_attempts.c.last_attempt_at < now - _FORGET_AFTER))
     query = select(sign_in_attempts).where(sign_in_attempts.c.name_hash == name_hash)
     row = connection.execute(query).one_or_none()
@@ -198,11 +234,10 @@ def _count_attempt(connection: Connection, name_hash: str, now: datetime) -> Non
         "last_attempt_at": now,
         "blocked_until": None if num_failures < FREE_ATTEMPTS else now + _wait(num_failures),
     }
-    connection.execute(
-        upsert(sign_in_attempts)
-        .values(name_hash=name_hash, **changes)
-        .on_conflict_do_update(index_elements=["name_hash"], set_=changes)
-    )
+    if row is None:
+        connection.execute(insert(sign_in_attempts).values(name_hash=name_hash, **changes))
+    else:
+        connection.execute(update(sign_in_attempts).where(sign_in_attempts.c.name_hash == name_hash).values(changes))
 
 
 def _wait(num_failures: int) -> timedelta:

@@ -2,11 +2,33 @@
 
 from dataclasses import dataclass
 
-from sqlalchemy import Connection, func, select
+from sqlalchemy import BindParameter, Connection, bindparam, func, select
 
-from webapp.storage.database import Database
 from webapp.storage.participants import Participant
 from webapp.storage.tables import answers, drive_steps, page_restarts
+
+# Every request asks some of these; putting them together takes longer than asking.
+_PARTICIPANT: BindParameter[int] = bindparam("participant")
+_PAGE: BindParameter[int] = bindparam("page")
+_RESTARTS = (
+    select(page_restarts.c.page_number, func.max(page_restarts.c.number))
+    .where(page_restarts.c.participant_id == _PARTICIPANT)
+    .group_by(page_restarts.c.page_number)
+)
+_LATEST = (
+    select(page_restarts.c.number, page_restarts.c.after_step, page_restarts.c.after_attempt)
+    .where(page_restarts.c.participant_id == _PARTICIPANT, page_restarts.c.page_number == _PAGE)
+    .order_by(page_restarts.c.number.desc())
+    .limit(1)
+)
+_STEPS = select(func.count()).where(
+    drive_steps.c.participant_id == _PARTICIPANT,
+    drive_steps.c.page_number == _PAGE,
+    drive_steps.c.number > bindparam("after"),
+)
+_ATTEMPTS = select(func.max(answers.c.attempt)).where(
+    answers.c.participant_id == _PARTICIPANT, answers.c.page_number == _PAGE
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,42 +50,24 @@ class Restart:
     after_attempt: int
 
 
-def find_restarts(database: Database, participant: Participant) -> dict[int, int]:
+def read_restarts(connection: Connection, participant: Participant) -> dict[int, int]:
     """Return by page how often a participant began it anew; pages never begun anew are missing."""
-    query = (
-        select(page_restarts.c.page_number, func.max(page_restarts.c.number))
-        .where(page_restarts.c.participant_id == participant.id)
-        .group_by(page_restarts.c.page_number)
-    )
-    with database.read() as connection:
-        return dict(tuple(row) for row in connection.execute(query))
+    return dict(tuple(row) for row in connection.execute(_RESTARTS, {"participant": participant.id}))
 
 
 def latest_restart(connection: Connection, participant_id: int, page: int) -> Restart:
     """Return where a page was begun last; for most pages that is their beginning."""
-    query = (
-        select(page_restarts.c.number, page_restarts.c.after_step, page_restarts.c.after_attempt)
-        .where(page_restarts.c.participant_id == participant_id, page_restarts.c.page_number == page)
-        .order_by(page_restarts.c.number.desc())
-        .limit(1)
-    )
-    row = connection.execute(query).one_or_none()
+    row = connection.execute(_LATEST, {"participant": participant_id, "page": page}).one_or_none()
     return Restart(participant_id, page, *(0, 0, 0) if row is None else tuple(row))
 
 
 def num_steps_since(connection: Connection, restart: Restart) -> int:
     """Return how many actions of the page's drive are stored since then."""
-    query = select(func.count()).where(
-        drive_steps.c.participant_id == restart.participant_id,
-        drive_steps.c.page_number == restart.page,
-        drive_steps.c.number > restart.after_step,
-    )
-    return connection.execute(query).scalar_one()
+    wanted = {"participant": restart.participant_id, "page": restart.page, "after": restart.after_step}
+    return int(connection.execute(_STEPS, wanted).scalar_one())
 
 
 def num_attempts_since(connection: Connection, restart: Restart) -> int:
     """Return how many attempts at the page's questions are stored since then."""
-    query = select(func.max(answers.c.attempt)).where(
-        answers.c.participant_id == restart.participant_id, answers.c.page_number == restart.page
-    )
-    return max((connection.execute(query).scalar_one() or 0) - restart.after_attempt, 0)
+    wanted = {"participant": restart.participant_id, "page": restart.page}
+    return max((connection.execute(_ATTEMPTS, wanted).scalar_one() or 0) - restart.after_attempt, 0)

@@ -17,11 +17,15 @@ _PREFIX = ".snapshot-"
 
 @contextmanager
 def snapshot(database: Database) -> Iterator[Connection]:
-    """Copy the database, which takes a moment, and open a transaction on the copy.
+    """Open a transaction that may take long. Of SQLite, it is one on a copy, which takes a moment to make.
 
     The copy lies in the instance's folder, is closed to others, and has no name any more once it is complete: nothing
     is left of it when the process ends. If a process is killed while it copies, the next copy removes what it left.
     """
+    if not database.edition.reads_hold_up_writers:
+        with database.edition.reading(is_long=True) as connection:
+            yield connection
+        return
     remove_stale(database)
     handle, path = tempfile.mkstemp(prefix=_PREFIX, dir=database.path.parent)
     fcntl.flock(handle, fcntl.LOCK_EX)  # It says that the copy is in the making, and ends with the process.

@@ -96,7 +96,7 @@ class _Check:
             .outerjoin(record_contents, told.number == records.c.number)
             .order_by(records.c.number)
         )
-        for row in self._connection.execution_options(yield_per=1000).execute(query).mappings():
+        for row in self._connection.execute(query, execution_options={"yield_per": 1000}).mappings():
             yield dict(row)
 
     def _link(self, row: _Row) -> Iterator[str]:

@@ -118,14 +118,15 @@ def _drives(connection: Connection, wanted: Wanted) -> Iterator[Row]:
 def _predictions(connection: Connection, wanted: Wanted) -> Iterator[Row]:
     """Yield cells of predictions, counted by trial: participant, column, value."""
     num_right = func.sum(case((predictions.c.is_correct, 1), else_=0))
+    key = (predictions.c.participant_id, predictions.c.page_number)
     query = (
         select(predictions.c.participant_id, trials.c.experiment, trials.c.position, func.count(), num_right)
         .join(pages, on_page(predictions))
         .join(participants, participants.c.id == predictions.c.participant_id)
         .join(trials, on_trial(pages))
         .where(wanted.of(participants))
-        .group_by(predictions.c.participant_id, predictions.c.page_number)
-        .order_by(predictions.c.participant_id, predictions.c.page_number)
+        .group_by(*key, trials.c.experiment, trials.c.position)
+        .order_by(*key)
     )
     for participant_id, experiment, position, num, right in stream(connection, query):
         for name, value in (("num", num), ("num_correct", right), ("share_correct", right / num)):

@@ -20,6 +20,11 @@ _MAX_SHOWN = 60
 """How many characters of a wrong value a message repeats."""
 
 
+MAX_BYTES = 256 * 1024
+"""The most that a study file, a file of texts or a layout may have."""
+
+_MANY_PARTS = re.compile(r"(?m)^\s*\[*(?:[^.=\n\"'#]*\.){40}")
+
 _KEY = r"""(?:"[^"]*"|'[^']*'|[A-Za-z0-9_-]+)"""
 """One part of a TOML key."""
 
@@ -209,6 +214,39 @@ def _wish(problem: ErrorDetails) -> str:
         return wish.format(**problem.get("ctx", {}))
     message = problem["msg"].removeprefix("Input ")
     return "it " + message if message.startswith("should") else message[0].lower() + message[1:]
+
+
+def read_toml(text: str, source: str) -> dict[str, typing.Any]:
+    """Parse a file of a study, which somebody else may have written to harm whoever reads it.
+
+    Args:
+        text: The file's text.
+        source: What to call the file in messages.
+
+    Raises:
+        StudyError: It is no TOML, too large, or nested so deeply that no study is meant.
+    """
+    check_size(len(text.encode(errors="replace")), source)
+    if _MANY_PARTS.search(text):
+        raise StudyError([f"{source}: has a key of more than 40 parts; a study file has none"])
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise StudyError([not_toml(error, source)]) from None
+    except RecursionError:
+        raise StudyError([f"{source}: lists stand within lists too deeply to be read; take some out"]) from None
+    except ValueError:  # Python reads no number of more than 4,300 digits.
+        raise StudyError([f"{source}: has a number of thousands of digits; use a shorter one"]) from None
+
+
+def check_size(num_bytes: int, source: str) -> None:
+    """Refuse a file of a study that is larger than any that is meant.
+
+    Raises:
+        StudyError: It is.
+    """
+    if num_bytes > MAX_BYTES:
+        raise StudyError([f"{source}: has {num_bytes} bytes; a file of a study has at most {MAX_BYTES}"])
 
 
 def not_toml(error: tomllib.TOMLDecodeError, source: str) -> str:

@@ -3,7 +3,6 @@
 The file is TOML. Whoever edits it is told every problem at once, each with its place, its value and what is wanted.
 """
 
-import tomllib
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
@@ -15,7 +14,7 @@ from webapp.study.declared import Day, Declared, Filled, Name, Seed, declared_li
 from webapp.study.experiments import Experiment, Item, Kind
 from webapp.study.learning_settings import ExplanationSettings, LearningSettings
 from webapp.study.own_parts import OwnKinds, OwnWorlds
-from webapp.study.problems import StudyError, describe_problem, located, not_toml
+from webapp.study.problems import StudyError, describe_problem, located, read_toml
 from webapp.study.sections import (
     AnalysisPlan,
     Ask,
@@ -135,6 +134,10 @@ class Study(Declared):
         return self.learning.seeds.get(layout, self.seed)
 
 
+MAX_TOLD = 100
+"""How many problems of a study file are told at once."""
+
+
 def parse_study(text: str, source: str = "study.toml") -> Study:
     """Read and check a study file.
 
@@ -145,15 +148,15 @@ def parse_study(text: str, source: str = "study.toml") -> Study:
     Raises:
         StudyError: The file cannot be used; the message has one line for each problem.
     """
-    try:
-        tree = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise StudyError([not_toml(error, source)]) from None
+    tree = read_toml(text, source)
     problems = [located(text, source, path, message) for path, message in contradictions(tree)]
     try:
         study = Study.model_validate(tree)
     except ValidationError as error:
-        told = [describe_problem(Study, problem, text, source) for problem in _first_causes(error)]
+        causes = _first_causes(error)
+        told = [describe_problem(Study, problem, text, source) for problem in causes[:MAX_TOLD]]
+        if len(causes) > MAX_TOLD:
+            told.append(f"{source}: has {len(causes) - MAX_TOLD} further problems; mend these first")
         raise StudyError(dict.fromkeys([*told, *problems])) from None
     if problems:
         raise StudyError(problems)

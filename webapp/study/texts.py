@@ -6,14 +6,13 @@ is a table of forms, `<key>.one` and `<key>.other` in English; which forms a lan
 """
 
 import re
-import tomllib
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from webapp.study.plurals import plural_categories, plural_category
-from webapp.study.problems import StudyError, located, not_toml
+from webapp.study.problems import StudyError, located, read_toml
 from webapp.study.suggestions import nearest
 
 _PARAMETER = re.compile(r"\{([a-z_]+)\}")
@@ -120,10 +119,7 @@ def parse_texts(text: str, language: str, source: str) -> Texts:
     Raises:
         StudyError: The file is not TOML, or holds something that is neither text nor a list of texts.
     """
-    try:
-        tree = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise StudyError([not_toml(error, source)]) from None
+    tree = read_toml(text, source)
     entries: dict[str, str | tuple[str, ...]] = {}
     problems = []
     for path, value in _leaves(tree):

@@ -10,6 +10,7 @@ from werkzeug.exceptions import HTTPException, SecurityError
 from webapp.storage.database import UnavailableError
 from webapp.storage.enrolment import AlreadyTookPartError
 from webapp.study.session import NoSuchPageError
+from webapp.views.logs import request_fields, request_id
 from webapp.views.security import CrossSiteError, cookie_name
 from webapp.views.services import StudyChangedError, services
 from webapp.views.texts import catalogue, texts
@@ -66,10 +67,13 @@ def show_error(error: Exception) -> Response:
     """Answer with the page of an error; what is our fault is logged, with nothing about who asked."""
     page = error_page(error)
     if page.status >= HTTPStatus.INTERNAL_SERVER_ERROR:
-        _LOGGER.error("%s %s failed", request.method, request.url_rule, exc_info=error)
+        _LOGGER.error("request failed", extra={"fields": request_fields()}, exc_info=error)
+    elif isinstance(error, CrossSiteError | SecurityError):
+        _LOGGER.warning("refused: %s", type(error).__name__, extra={"fields": request_fields()})
     if isinstance(error, SecurityError):
         # Nothing can be linked to from a host that is not ours.
-        response = make_response("This server has another name.\n", page.status, {"Content-Type": "text/plain"})
+        response = make_response("This server has another name.\n", page.status)
+        response.content_type = "text/plain; charset=utf-8"
     else:
         response = make_response(_render(page), page.status)
     if isinstance(error, HTTPException):
@@ -101,6 +105,8 @@ def _render(page: ErrorPage) -> str:
         back = {"back_url": url_for("participant.study"), "back_label": t("error_pages.back")}
     contact = t("done.contact", contact=catalogue().study.contact) if page.status == HTTPStatus.CONFLICT else None
     shown = {"status": page.status, "title": t(page.title), "message": t(page.message), "contact": contact}
+    if page.status >= HTTPStatus.INTERNAL_SERVER_ERROR:
+        shown["request_id"] = request_id()
     if page is DOMAIN_ERRORS[StudyChangedError] and request.path.startswith("/researcher/"):
         shown |= _ELSEWHERE
     return render_template("errors/error.html", **shown, **back)

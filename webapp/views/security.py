@@ -1,9 +1,10 @@
 """What holds for every request and every response: no forms from other sites, strict headers, closed cookies."""
 
-from typing import Literal
+from collections.abc import Callable, Iterable
+from typing import Any, Literal
 from urllib.parse import urlsplit
 
-from flask import Flask, Response, request
+from flask import Flask, Response, abort, request
 
 from webapp.config import Config
 
@@ -33,7 +34,10 @@ class CrossSiteError(PermissionError):
 
 def init_security(app: Flask, config: Config) -> None:
     """Check every request and complete every response of an app, whatever the route and the status."""
+    app.before_request(refuse_nul)
     app.before_request(refuse_other_sites)
+    if config.https:
+        app.wsgi_app = _as_https(app.wsgi_app)  # type: ignore[method-assign]
 
     @app.after_request
     def _complete(response: Response) -> Response:
@@ -44,6 +48,21 @@ def init_security(app: Flask, config: Config) -> None:
             response.headers["Cache-Control"] = "no-store"
             response.vary.add("Cookie")
         return response
+
+
+def _as_https(wsgi_app: Callable[..., Iterable[bytes]]) -> Callable[..., Iterable[bytes]]:
+    """Let full addresses begin with https, whatever the proxy says: a personal link must not travel in the clear."""
+
+    def answer(environ: dict[str, Any], start_response: Callable[..., Any]) -> Iterable[bytes]:
+        return wsgi_app({**environ, "wsgi.url_scheme": "https"}, start_response)
+
+    return answer
+
+
+def refuse_nul() -> None:
+    """Find nothing at an address with a NUL: no name that is in one has any, and PostgreSQL refuses to look for it."""
+    if "\0" in request.path:
+        abort(404)
 
 
 def refuse_other_sites() -> None:
@@ -57,15 +76,18 @@ def refuse_other_sites() -> None:
     if request.method in _SAFE_METHODS:
         return
     site = request.headers.get("Sec-Fetch-Site")
-    if site is not None:
-        allowed = site in {"same-origin", "none"}
-    else:
-        allowed = urlsplit(request.headers.get("Origin", "")).netloc == request.host
+    allowed = _is_ours(request.headers.get("Origin", "")) if site is None else site in {"same-origin", "none"}
     if not allowed:
         raise CrossSiteError(f"{request.method} {request.path} did not come from one of our pages")
 
 
-CookieName = Literal["participant", "researcher", "notice"]
+def _is_ours(origin: str) -> bool:
+    """Tell whether an origin is this server's; reached by https, it is not what somebody put in its place without."""
+    parts = urlsplit(origin)
+    return parts.netloc == request.host and (parts.scheme == "https" or not request.is_secure)
+
+
+CookieName = Literal["participant", "researcher", "browser", "notice"]
 
 
 def cookie_name(config: Config, name: CookieName) -> str:

@@ -40,6 +40,11 @@ def bot_pass(secret: bytes) -> str:
     return _hmac(secret, "bots")
 
 
+def browser_mark(secret: bytes, account: str, browser: str) -> str:
+    """Return what shows that somebody signed in to an account from a browser before."""
+    return _hmac(secret, "browser", browser, account)
+
+
 def same(one: str, other: str) -> bool:
     """Compare two secrets in a time that does not depend on what they share."""
     return hmac.compare_digest(one.encode(), other.encode())

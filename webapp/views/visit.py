@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from flask import g, request, url_for
 
 from webapp.stimuli.catalogue import Catalogue
-from webapp.storage.participants import Participant, find_participant, find_trials, hash_token
-from webapp.storage.restarts import find_restarts
+from webapp.storage.participants import Participant, find_participant, hash_token
+from webapp.storage.visits import find_visit
 from webapp.study.session import Page, decide, pages
 from webapp.views.security import cookie_name
 from webapp.views.services import StudyChangedError, services
@@ -69,11 +69,7 @@ def find_current_participant() -> Participant | None:
 
 def find_by_token(token: str) -> Participant | None:
     """Return the participant of this study and mode, or the bot, to whom a token belongs."""
-    here = services()
-    participant = find_participant(here.database, hash_token(token))
-    if participant is None or participant.study != here.config.study:
-        return None
-    return participant if participant.mode in {here.config.mode, "bot"} else None
+    return _admitted(find_participant(services().database, hash_token(token)))
 
 
 def load_participant() -> Participant:
@@ -97,10 +93,13 @@ def load_visit() -> Visit:
         StudyChangedError: The study version that the participant began with is gone.
     """
     here = services()
-    participant = load_participant()
-    catalogue = here.bundles.version(participant.study_version)
-    planned = pages(catalogue.study, find_trials(here.database, participant))
-    return Visit(participant, catalogue, planned, find_restarts(here.database, participant))
+    token = request.cookies.get(cookie_name(here.config, "participant"))
+    stored = None if token is None else find_visit(here.database, hash_token(token))
+    if stored is None or _admitted(stored.participant) is None:
+        raise NoPlaceError("no participant belongs to this request")
+    speak_as_before(stored.participant)
+    catalogue = here.bundles.version(stored.participant.study_version)
+    return Visit(stored.participant, catalogue, pages(catalogue.study, stored.trials), stored.restarts)
 
 
 def place_of(participant: Participant) -> str:
@@ -123,3 +122,11 @@ def speak_as_before(participant: Participant) -> None:
         g.catalogue = bundles.current
     if participant.language in g.catalogue.study.languages:
         g.language = participant.language
+
+
+def _admitted(participant: Participant | None) -> Participant | None:
+    """Return a participant who is of this study and mode, or a bot; None for anybody else."""
+    config = services().config
+    if participant is None or participant.study != config.study:
+        return None
+    return participant if participant.mode in {config.mode, "bot"} else None

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import postgres
 from tests.unit.storage.exported import LATER, files_of, take_part, wanted_of
 from webapp.storage.database import Database, open_database
 from webapp.storage.dataset import export
@@ -18,9 +19,19 @@ def empty_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def database(tmp_path: Path, empty_database: Path) -> Iterator[Database]:
-    shutil.copy(empty_database, tmp_path)
-    opened = Database(tmp_path / empty_database.name)
+def database(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Database]:
+    """A database with all tables and no rows: a file, or one of PostgreSQL's where all tests are to use these."""
+    if postgres.IS_WANTED and request.node.get_closest_marker("sqlite_only") is None:
+        server = request.getfixturevalue("postgres_server")
+        name = server.make()
+        opened = Database(tmp_path / "xar.sqlite3", server.url(name))
+        yield opened
+        opened.close()
+        server.drop(name)
+        return
+    empty = request.getfixturevalue("empty_database")
+    shutil.copy(empty, tmp_path)
+    opened = Database(tmp_path / empty.name)
     yield opened
     opened.close()
 

@@ -1,6 +1,7 @@
 import csv
 import hashlib
 import io
+import re
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
@@ -80,8 +81,28 @@ def test_without_its_mark_and_apostrophes_a_spreadsheets_copy_is_the_file(rows: 
     exact = list(csv.reader(io.StringIO(content(rows).decode("utf-8"), newline="")))
     assert [row[1:] for row in copy] == [row[1:] for row in exact]
     for guarded, plain in zip(copy, exact, strict=True):
-        assert guarded[0] in (plain[0], f"'{plain[0]}")
-        assert (guarded[0] != plain[0]) == plain[0].startswith(tuple("=+-@\t\r\n\uff1d\uff0b\uff0d\uff20"))
+        starts = tuple("=+-@\t\r\n\uff1d\uff0b\uff0d\uff20")
+        assert guarded[0].replace("'", "") == plain[0].replace("'", "")
+        assert guarded[0].startswith("'") == plain[0].startswith((*starts, "'"))
+        parts = re.split(r"[;\t\r\n]", guarded[0])
+        assert not [part for part in parts if part.lstrip(' "').startswith(tuple(set(starts) - set("\t\r\n")))]
+
+
+@pytest.mark.parametrize(
+    ("text", "guarded"),
+    [
+        ("=1", "'=1"),
+        ("a;=1", "a;'=1"),
+        ("a\n=1\t@b", "a\n'=1\t'@b"),
+        ('a;"=1', "a;\"'=1"),
+        ("- one\n- two", "'- one\n'- two"),
+        ("a, =1; b = 1", "a, =1; b = 1"),
+        ("1 - 2; x", "1 - 2; x"),
+    ],
+)
+def test_apostrophes_stand_where_any_separator_would_begin_a_formula(text: str, guarded: str) -> None:
+    copy = csv.reader(io.StringIO(content([(text, None, None)], for_spreadsheet=True).decode("utf-8-sig"), newline=""))
+    assert list(copy)[1][0] == guarded
 
 
 def test_what_was_written_is_counted_and_digested() -> None:

@@ -2,14 +2,13 @@ import csv
 import io
 import json
 import os
-import sqlite3
-from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 from sqlalchemy import insert
 
+from tests.outside import outside
 from tests.unit.storage.rows import write_rows
 from webapp.storage.database import Database
 from webapp.storage.export_columns import PARTICIPANTS_COLUMNS, names
@@ -71,15 +70,15 @@ def test_the_columns_are_the_promised_ones() -> None:
 def test_no_file_but_the_one_apart_holds_ids_of_recruiters(database: Database) -> None:
     write_rows(database)
     for name in FILE_NAMES:
-        for outside in (b"0123456789abcdef01234567", b"fedcba987654321001234567", b"session12345", b"odd.id"):
-            assert outside not in written(database, name)
+        for theirs in (b"0123456789abcdef01234567", b"fedcba987654321001234567", b"session12345", b"odd.id"):
+            assert theirs not in written(database, name)
     assert set(names(COLUMNS[RECRUITS])) & set(PARTICIPANTS_COLUMNS) == {"study", "mode", "participant"}
 
 
 def test_every_text_reads_back_as_it_was_stored(database: Database) -> None:
     write_rows(database)
-    with closing(sqlite3.connect(database.path)) as connection:
-        stored = connection.execute("SELECT question, answer FROM answers WHERE participant_id = 1").fetchall()
+    with outside(database) as connection:
+        stored = connection.ask("SELECT question, answer FROM answers WHERE participant_id = 1")
     rows = [row for row in table(database, "answers.csv") if row["participant"] == "2345678abc"]
     assert sorted((row["question"], row["answer"]) for row in rows) == sorted(stored)
     people = table(database, "participants.csv")
@@ -171,8 +170,10 @@ def test_a_spreadsheets_copy_says_its_encoding_and_no_cell_of_it_begins_like_a_f
     exact, copy = table(database, name), table(database, name, for_spreadsheet=True)
     cells = [cell for row in copy for cell in row.values()]
     assert not [cell for cell in cells if cell[:1] in {"=", "+", "-", "@", "\t", "\r"}]
-    unguarded = [{column: cell.removeprefix("'") for column, cell in row.items()} for row in copy]
-    assert unguarded == exact
+    copied, stored = (
+        [{column: cell.replace("'", "") for column, cell in row.items()} for row in rows] for rows in (copy, exact)
+    )
+    assert copied == stored
 
 
 @pytest.mark.parametrize(
@@ -265,7 +266,7 @@ def test_that_recruits_were_written_is_recorded_and_a_refusal_is_not(database: D
     export_recruits(database, tmp_path / "recruits.csv", NOW)
     with pytest.raises(ExportError):
         export_recruits(database, tmp_path / "recruits.csv", NOW)
-    with closing(sqlite3.connect(database.path)) as connection:
+    with outside(database) as connection:
         query = "SELECT actor, content FROM records JOIN record_contents USING (number) WHERE action = 'downloaded'"
         assert connection.execute(query).fetchall() == [("(command line)", '{"file":"recruits.csv"}')]
 

@@ -1,13 +1,12 @@
 """Places in the study: given out evenly, given back when they are abandoned, and drawn again from the ledger alone."""
 
-import sqlite3
 from collections import Counter
-from contextlib import closing
 from datetime import datetime, timedelta
 
 import pytest
 from sqlalchemy import select
 
+from tests.outside import outside
 from tests.unit.storage.people import DRIVING, NOW, STUDY, at_once, enrol_somebody, pages_of, send, walk
 from tests.unit.storage.test_records import tamper
 from webapp.storage.database import Database
@@ -255,8 +254,8 @@ def test_numbers_follow_from_the_word_alone_and_are_even() -> None:
 
 def test_places_from_before_the_ledger_count(database: Database) -> None:
     person = enrol_somebody(database)
-    with closing(sqlite3.connect(database.path)) as connection:
-        (content,) = connection.execute("SELECT content FROM record_contents WHERE number = 1").fetchone()
+    with outside(database) as connection:
+        ((content,),) = connection.ask("SELECT content FROM record_contents WHERE number = 1")
     word = content[content.index('"word":') :]
     change = f"content = replace(content, '{word}', '\"word\":null}}')"
     tamper(database, f"UPDATE record_contents SET {change} WHERE number = 1")  # noqa: S608

@@ -85,7 +85,7 @@ def test_whoever_is_erased_leaves_nothing_even_if_the_number_is_given_to_somebod
     assert numbers.overview(STUDY, HERE, NOW).counts.completed == 1
     erase(database, gone.code, "ada", NOW)
     newcomer = enrol_somebody(database)
-    assert newcomer.id == gone.id
+    assert database.url is not None or newcomer.id == gone.id  # PostgreSQL gives no number twice.
     after = numbers.overview(STUDY, HERE, NOW)
     assert (after.counts.arrived, after.counts.completed) == (2, 0)
     assert {rating.mean for rating in after.ratings} == {3.0}
@@ -155,7 +155,7 @@ class FailingDatabase(Database):
 def test_a_look_that_fails_half_way_is_made_up_for(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("webapp.storage.live_scopes.CHUNK", 1)
     people = [enrol_somebody(database) for _ in range(3)]
-    failing = FailingDatabase(database.path)
+    failing = FailingDatabase(database.path, database.url)
     numbers = LiveNumbers(failing)
     numbers.overview(STUDY, HERE, NOW)
     for person in people:

@@ -23,6 +23,8 @@ from webapp.storage.schema import metadata
 from webapp.storage.tables import ratings
 from webapp.storage.verification import verify_log
 
+pytestmark = pytest.mark.sqlite_only(reason="its earlier versions are of before there was PostgreSQL")
+
 COLUMNS_OF_0001 = {
     "ratings.csv": (
         *("study", "study_version", "mode", "participant", "experiment", "trial", "layout", "kind", "draw"),

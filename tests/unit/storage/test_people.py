@@ -203,6 +203,21 @@ def test_help_is_for_those_who_are_still_there(database: Database) -> None:
             helped()
 
 
+def test_a_nul_is_stored_nowhere_and_names_nobody(database: Database) -> None:
+    person = enrol_somebody(database)
+    note(database, person.code, "a\0b", "boss", NOW)
+    exclude(database, person.code, "\0why", "boss", NOW)
+    assert [entry.detail for entry in timeline(database, person.code)[-2:]] == [{"text": "ab"}, {"reason": "why"}]
+    with pytest.raises(PersonError, match="the note is missing"):
+        note(database, person.code, "\0", "boss", NOW)
+    walk(database, person, 11, rating=3)
+    asked = Asked(STUDY, page_of_kind(database, person, "rating"), ("left", "right"))
+    with pytest.raises(PersonError, match="has no answer to"):
+        correct(database, person.code, Correction("ratings", asked, "general\0", "4"), "why", "boss", NOW)
+    correct(database, person.code, Correction("ratings", asked, "general", "\x004"), "why", "boss", NOW)
+    assert verify_log(database).problems == ()
+
+
 def test_a_new_link_leads_to_the_same_person_and_the_old_one_stays_good(database: Database) -> None:
     person = enrol_somebody(database)
     with pytest.raises(PersonError, match="the reason is missing"):

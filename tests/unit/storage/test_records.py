@@ -1,12 +1,11 @@
 """The chain of records: what it holds, and that nothing can be changed, cut out or slipped in without being seen."""
 
 import re
-import sqlite3
-from contextlib import closing
 from datetime import timedelta
 
 import pytest
 
+from tests.outside import on_disk, outside
 from tests.unit.storage.people import DRIVING, NOW, at_once, enrol_somebody, page_of_kind, send, walk, walk_to
 from webapp.storage.accounts import create_researcher
 from webapp.storage.answers import store_step
@@ -24,9 +23,8 @@ from webapp.study.answers import Answer, DriveStep, PageContent
 
 def tamper(database: Database, *statements: str) -> None:
     """Change the file behind the program's back: triggers and foreign keys do not stop whoever owns it."""
-    with closing(sqlite3.connect(database.path)) as connection:
-        for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
-            connection.execute(f"DROP TRIGGER {name}")
+    with outside(database) as connection:
+        connection.disarm()
         for statement in statements:
             assert connection.execute(statement).rowcount > 0
         connection.commit()
@@ -58,8 +56,8 @@ def people(database: Database) -> list[Participant]:
 
 @pytest.mark.usefixtures("people")
 def test_every_record_names_the_one_before(database: Database) -> None:
-    with closing(sqlite3.connect(database.path)) as connection:
-        rows = connection.execute("SELECT number, previous_hash, hash FROM records ORDER BY number").fetchall()
+    with outside(database) as connection:
+        rows = connection.ask("SELECT number, previous_hash, hash FROM records ORDER BY number")
     assert [number for number, *_ in rows] == list(range(1, len(rows) + 1))
     assert [previous for _, previous, _ in rows] == [FIRST_HASH, *(current for *_, current in rows[:-1])]
     with database.read() as connection:
@@ -94,22 +92,25 @@ def test_records_can_only_be_added(database: Database) -> None:
     ("statements", "problem"),
     [
         (["UPDATE records SET actor = 'other' WHERE action = 'excluded'"], "is not what its hash says"),
-        (["UPDATE records SET at = datetime(at, '+1 hour') WHERE number = 5"], r"record 5 \("),
+        (["UPDATE records SET at = '2031-03-01 10:30:00.000000' WHERE number = 5"], r"record 5 \("),
         (["DELETE FROM record_contents WHERE number = 7", "DELETE FROM records WHERE number = 7"], "are missing"),
         (["UPDATE records SET previous_hash = hash WHERE number = 3"], "does not continue the chain"),
         (["UPDATE ratings SET rating = 5 WHERE page_number = 3"], r"sent, page 3\): what it tells was changed"),
         (["DELETE FROM ratings WHERE page_number = 5 AND item = 'general'"], r"sent, page 5\)"),
         (["UPDATE trials SET kind = 'full' WHERE number = 1 AND kind != 'full'"], "consented"),
         (["UPDATE drive_steps SET action = 'right' WHERE number = 2"], "acted"),
-        (["UPDATE answers SET is_correct = 1 WHERE attempt = 1"], "attempted"),
+        (["UPDATE answers SET is_correct = TRUE WHERE attempt = 1"], "attempted"),
         (["UPDATE participants SET language = 'ja'"], "consented"),
         (["UPDATE record_contents SET content = '{\"reason\":\"none\"}' WHERE content LIKE '%pilot%'"], "excluded"),
         (["DELETE FROM record_contents WHERE content LIKE '%pilot%'"], "has lost what it tells"),
         (["UPDATE record_contents SET participant_id = 2 WHERE content LIKE '%pilot%'"], "somebody else"),
         (["UPDATE participants SET completed_at = NULL"], "completed_at does not go with"),
-        (["UPDATE participants SET completed_at = datetime(completed_at, '+1 hour')"], "completed_at"),
+        (
+            ["UPDATE participants SET completed_at = '2041-01-01 00:00:00.000000' WHERE completed_at IS NOT NULL"],
+            "completed_at",
+        ),
         (["UPDATE participants SET screened_out_at = consented_at WHERE completed_at IS NULL"], "sent, page"),
-        (["UPDATE participants SET last_seen_at = datetime(last_seen_at, '+1 hour')"], "last_seen_at does not go"),
+        (["UPDATE participants SET last_seen_at = '2041-01-01 00:00:00.000000'"], "last_seen_at does not go"),
         (["UPDATE participants SET slot_released_at = consented_at"], "slot_released_at or returned_late_at"),
         (["UPDATE participants SET returned_late_at = consented_at"], "slot_released_at or returned_late_at"),
         (["UPDATE record_contents SET page_number = 2 WHERE content LIKE '%pilot%'"], "about another page"),
@@ -146,8 +147,8 @@ def test_rows_that_were_slipped_in_are_found(database: Database, people: list[Pa
 
 
 def test_a_whole_participant_who_was_slipped_in_is_found(database: Database, people: list[Participant]) -> None:
-    with closing(sqlite3.connect(database.path)) as connection:
-        columns = [row[1] for row in connection.execute("PRAGMA table_info(participants)")]
+    with outside(database) as connection:
+        columns = connection.columns("participants")
     changes = {"id": "99", "code": "'slippedin2'", "token_hash": "'x'"}
     values = ", ".join(changes.get(name, name) for name in columns)
     tamper(database, f"INSERT INTO participants SELECT {values} FROM participants WHERE id = {people[0].id}")  # noqa: S608
@@ -157,9 +158,8 @@ def test_a_whole_participant_who_was_slipped_in_is_found(database: Database, peo
 def test_a_whole_participant_who_was_removed_is_found(database: Database, people: list[Participant]) -> None:
     who = people[0].id
     tables = ("record_contents", *(table.name for table in reversed(ANSWER_TABLES)))
-    with closing(sqlite3.connect(database.path)) as connection:
-        for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
-            connection.execute(f"DROP TRIGGER {name}")
+    with outside(database) as connection:
+        connection.disarm()
         kept = "number IN (SELECT number FROM records WHERE action IN ('allocated', 'slot_released', 'slot_resumed'))"
         connection.execute(f"UPDATE record_contents SET participant_id = NULL WHERE participant_id = {who} AND {kept}")  # noqa: S608
         for table in tables:
@@ -204,8 +204,7 @@ def test_someone_erased_leaves_nothing_behind_and_the_chain_holds(
     found = verify_log(database, known=(before.number, before.hash))
     assert found.problems == ()
     assert found.num_erased > 11
-    database.close()
-    content = b"".join(file.read_bytes() for file in database.path.parent.iterdir())
+    content = on_disk(database)
     for secret in (done.code, done.token_hash, done.salt, "was in the pilot", "called us", left.code):
         assert secret.encode() not in content
     assert people[2].code.encode() in content

@@ -4,6 +4,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import update
 
+from tests.outside import on_disk
 from webapp.storage.accounts import (
     AccountError,
     AccountExistsError,
@@ -53,8 +54,7 @@ def session_of(database: Database, token: str, now: datetime, *, active: bool = 
 
 def test_neither_password_nor_token_is_stored(database: Database, account: str) -> None:
     token = open_session(database, account)
-    database.close()
-    content = database.path.read_bytes()
+    content = on_disk(database)
     assert PASSWORD.encode() not in content
     assert token.encode() not in content
     assert b"$argon2id$v=19$m=19456,t=2,p=1$" in content
@@ -216,7 +216,7 @@ def test_the_throttle_outlives_a_restart(database: Database, account: str) -> No
     for _ in range(5):
         sign_in(database, account, "wrong", NOW)
     database.close()
-    again = Database(database.path)
+    again = Database(database.path, database.url)
     try:
         with pytest.raises(TooManyAttemptsError):
             sign_in(again, account, PASSWORD, NOW)

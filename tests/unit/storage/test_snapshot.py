@@ -9,10 +9,12 @@ from pathlib import Path
 import pytest
 
 from tests.unit.storage.people import NOW, enrol_somebody
-from webapp.storage import database as database_module
+from webapp.storage import sqlite_edition
 from webapp.storage.database import Database
 from webapp.storage.erasure import erase
 from webapp.storage.snapshot import remove_stale, snapshot
+
+pytestmark = pytest.mark.sqlite_only(reason="only of SQLite's file a copy is made")
 
 COPIES = ".snapshot-*"
 
@@ -55,7 +57,7 @@ def test_a_copy_in_the_making_is_left_alone(database: Database, tmp_path: Path) 
 
 
 def test_it_is_told_whether_the_last_traces_are_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(database_module, "journal_mode", lambda _: "wal")
+    monkeypatch.setattr(sqlite_edition, "journal_mode", lambda _: "wal")
     database = Database(tmp_path / "xar.sqlite3")
     database.upgrade()
     person = enrol_somebody(database)

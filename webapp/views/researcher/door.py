@@ -1,6 +1,7 @@
 """Who gets into the dashboard, and how far: all look on, owners change things, and admins manage accounts too."""
 
 import functools
+import logging
 from collections.abc import Callable
 from typing import ParamSpec
 
@@ -21,6 +22,7 @@ POLL_HEADER = "X-Poll"
 
 _OPEN = frozenset({"researcher.sign_in", "researcher.check_sign_in"})
 _LONG_WAIT_S = 90
+_LOGGER = logging.getLogger(__name__)
 _Given = ParamSpec("_Given")
 
 
@@ -60,6 +62,7 @@ def requires(
         def checked(*args: _Given.args, **kwargs: _Given.kwargs) -> ResponseReturnValue:
             if researcher().may(role):
                 return view(*args, **kwargs)
+            _LOGGER.warning("%s %s refused: it needs %s", request.method, request.url_rule, role)
             return render_template("researcher/forbidden.html", needed=role), 403
 
         return checked

@@ -29,16 +29,12 @@ DONE = {
     "restarted": "The page begins anew for the participant.",
     "person_unblinded": "What this person saw is shown below; that you looked is recorded.",
     "erased": "The person was erased; nothing of them is left but their place in the allocation ledger.",
-    "erased_for_now": (
-        "The person was erased. Something kept the database open meanwhile, so the last traces leave the disk when "
-        "the server is restarted."
-    ),
     "unblinded": "You see the arms now; that is recorded.",
     "role": "The role was changed.",
     "disabled": "The account is closed and its sessions have ended.",
     "revoked": "The sessions have ended.",
 }
-"""What is said once something was done, by the value of `done` in the address."""
+"""What is said once something was done, by the value of `done` in the address; see also `_done`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +144,7 @@ def frame() -> dict[str, Any]:
         "account": account,
         "may_change": account.may("owner"),
         "head": head_of_log(here.database),
-        "done": DONE.get(request.args.get("done", "")),
+        "done": _done(request.args.get("done", "")),
         "versions": _versions(found),
         "modes": MODES,
         "config_mode": here.config.mode,
@@ -159,6 +155,12 @@ def frame() -> dict[str, Any]:
 def head_as_json(head: Head) -> dict[str, object]:
     """Return the end of the log for an open page."""
     return {"number": head.number, "hash": head.hash}
+
+
+def _done(name: str) -> str | None:
+    if name == "erased_for_now":
+        return f"The person was erased. {services().database.edition.last_traces}"
+    return DONE.get(name)
 
 
 def _versions(found: Look) -> Sequence[tuple[str, str]]:

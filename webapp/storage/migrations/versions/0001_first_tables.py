@@ -3,6 +3,8 @@
 import sqlalchemy as sa
 from alembic import op
 
+from webapp.storage.migrations.triggers import refuse, refuse_truncation
+
 revision = "0001"
 down_revision = None
 
@@ -149,11 +151,6 @@ def _of_participant(table: str) -> sa.ForeignKeyConstraint:
 
 def _keep_rows(table: str, unless: str) -> None:
     """Refuse to change a table's rows, and to delete them unless a condition on the old row holds."""
-    op.execute(
-        f"CREATE TRIGGER {table}_never_change BEFORE UPDATE ON {table} "
-        f"BEGIN SELECT RAISE(ABORT, 'rows of {table} never change'); END"
-    )
-    op.execute(
-        f"CREATE TRIGGER {table}_stay BEFORE DELETE ON {table} WHEN NOT ({unless}) "
-        f"BEGIN SELECT RAISE(ABORT, 'rows of {table} stay'); END"
-    )
+    refuse(table, "never_change", "UPDATE", None, "never change")
+    refuse(table, "stay", "DELETE", f"NOT ({unless})", "stay")
+    refuse_truncation(table)

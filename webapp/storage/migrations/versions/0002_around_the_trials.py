@@ -3,6 +3,8 @@
 import sqlalchemy as sa
 from alembic import op
 
+from webapp.storage.migrations.triggers import refuse, refuse_truncation
+
 revision = "0002"
 down_revision = "0001"
 
@@ -151,11 +153,6 @@ def _of_page(table: str) -> sa.ForeignKeyConstraint:
 def _keep_rows(table: str) -> None:
     """Refuse to change a table's rows, and to delete them before their participant withdrew."""
     unless = "(SELECT withdrawn_at FROM participants WHERE id = OLD.participant_id) IS NOT NULL"
-    op.execute(
-        f"CREATE TRIGGER {table}_never_change BEFORE UPDATE ON {table} "
-        f"BEGIN SELECT RAISE(ABORT, 'rows of {table} never change'); END"
-    )
-    op.execute(
-        f"CREATE TRIGGER {table}_stay BEFORE DELETE ON {table} WHEN NOT ({unless}) "
-        f"BEGIN SELECT RAISE(ABORT, 'rows of {table} stay'); END"
-    )
+    refuse(table, "never_change", "UPDATE", None, "never change")
+    refuse(table, "stay", "DELETE", f"NOT ({unless})", "stay")
+    refuse_truncation(table)

@@ -2,20 +2,25 @@
 
 import hashlib
 import json
+from datetime import datetime
 
 import sqlalchemy as sa
 from alembic import op
+
+from webapp.storage.migrations.triggers import refuse, refuse_truncation
 
 revision = "0003"
 down_revision = "0002"
 
 _FIRST_HASH = "0" * 64
+_RANDOM = {"sqlite": "lower(hex(randomblob(16)))", "postgresql": "replace(gen_random_uuid()::text, '-', '')"}
 
 
 def upgrade() -> None:
     """Add columns and tables; the chain begins with the earlier log of researchers and with the places given out."""
     op.add_column("participants", sa.Column("salt", sa.String(32), nullable=False, server_default=""))
-    op.execute("UPDATE participants SET salt = lower(hex(randomblob(16)))")
+    participants = sa.table("participants", sa.column("salt"))
+    op.execute(participants.update().values(salt=sa.literal_column(_RANDOM[op.get_bind().dialect.name])))
     op.add_column("participants", sa.Column("slot_released_at", sa.DateTime))
     op.add_column("participants", sa.Column("returned_late_at", sa.DateTime))
     _make_page_restarts()
@@ -91,21 +96,17 @@ def _change_accounts() -> None:
 
 def _keep_rows() -> None:
     withdrew = "(SELECT withdrawn_at FROM participants WHERE id = OLD.participant_id) IS NOT NULL"
-    same = " AND ".join(f"NEW.{name} IS OLD.{name}" for name in ("number", "page_number", "part", "content"))
-    _refuse("page_restarts", "never_change", "UPDATE", "TRUE", "never change")
-    _refuse("page_restarts", "stay", "DELETE", f"NOT ({withdrew})", "stay")
-    _refuse("records", "never_change", "UPDATE", "TRUE", "never change")
-    _refuse("records", "stay", "DELETE", "TRUE", "stay")
+    equal = "IS" if op.get_bind().dialect.name == "sqlite" else "IS NOT DISTINCT FROM"
+    same = " AND ".join(f"NEW.{name} {equal} OLD.{name}" for name in ("number", "page_number", "part", "content"))
+    refuse("page_restarts", "never_change", "UPDATE", "TRUE", "never change")
+    refuse("page_restarts", "stay", "DELETE", f"NOT ({withdrew})", "stay")
+    refuse("records", "never_change", "UPDATE", "TRUE", "never change")
+    refuse("records", "stay", "DELETE", "TRUE", "stay")
     unless_forgotten = f"NOT (NEW.participant_id IS NULL AND {same} AND {withdrew})"
-    _refuse("record_contents", "never_change", "UPDATE", unless_forgotten, "never change")
-    _refuse("record_contents", "stay", "DELETE", f"NOT ({withdrew})", "stay")
-
-
-def _refuse(table: str, name: str, change: str, condition: str, wish: str) -> None:
-    op.execute(
-        f"CREATE TRIGGER {table}_{name} BEFORE {change} ON {table} WHEN {condition} "
-        f"BEGIN SELECT RAISE(ABORT, 'rows of {table} {wish}'); END"
-    )
+    refuse("record_contents", "never_change", "UPDATE", unless_forgotten, "never change")
+    refuse("record_contents", "stay", "DELETE", f"NOT ({withdrew})", "stay")
+    for table in ("page_restarts", "records", "record_contents"):
+        refuse_truncation(table)
 
 
 class _Chain:
@@ -123,7 +124,8 @@ class _Chain:
         told = f"{at.replace(' ', 'T')}Z"
         fields = [self._number, told, actor, action, *scope, about.get("subject"), digest]
         current = _sha256(_canonical([self._previous, *fields]))
-        row = dict(zip(_FIELDS, [*fields, self._previous, current], strict=True)) | {"at": at}
+        stored = at if op.get_bind().dialect.name == "sqlite" else datetime.fromisoformat(at)
+        row = dict(zip(_FIELDS, [*fields, self._previous, current], strict=True)) | {"at": stored}
         _insert("records", row)
         written = None if content is None else _canonical(content)
         who = about.get("participant_id")
@@ -143,6 +145,8 @@ def _fill_the_log() -> None:
     for at, actor, action, detail in connection.execute(query).all():
         chain.append(str(at), actor, action, _content(actor, action, detail), (None, None, None))
     op.drop_table("audit_log")
+    if connection.dialect.name == "postgresql":
+        op.execute("DROP FUNCTION audit_log_never_change, audit_log_stay, audit_log_not_emptied")
     query = sa.text("SELECT id, code, salt, study, study_version, mode, consented_at FROM participants ORDER BY id")
     for participant_id, code, salt, *scope, at in connection.execute(query).all():
         content = {"word": None, "experiments": _places(participant_id), "draws": [], "num_draws": 0}

@@ -1,0 +1,1 @@
+"""What was measured, where, and docs/evidence.md, which follows from it."""

@@ -1,0 +1,24 @@
+from pathlib import Path
+
+import pytest
+
+from tests.faults.kills import kill_and_compare
+
+pytestmark = pytest.mark.sqlite_only(reason="it reads SQLite's file while the server is killed")
+
+
+def test_a_server_killed_again_and_again_loses_doubles_and_changes_nothing(tmp_path: Path) -> None:
+    outcome = kill_and_compare(tmp_path / "instance", num_kills=8, num_ratings=0)
+    assert outcome.is_clean, outcome
+    assert outcome.num_kills == 8
+    assert outcome.num_pages > 40
+
+
+def test_a_server_that_acknowledges_before_it_commits_is_found_out(tmp_path: Path) -> None:
+    tries = (kill_and_compare(tmp_path / f"instance-{number}", 3, 0, mutant="hasty") for number in range(5))
+    assert any(outcome.verdict.lost > 0 for outcome in tries), "a kill has to fall between an answer and its commit"
+
+
+def test_a_server_that_inserts_whatever_comes_is_found_out(tmp_path: Path) -> None:
+    tries = (kill_and_compare(tmp_path / f"instance-{number}", 3, 0, mutant="naive") for number in range(5))
+    assert any(outcome.verdict.doubled > 0 for outcome in tries), "a kill has to fall between a commit and its answer"

@@ -1,0 +1,55 @@
+"""What gunicorn serves: `webapp.wsgi:live()`, or `webapp.wsgi:test_run()`. `xar serve --workers` starts it."""
+
+import os
+import sys
+import time
+
+from flask import Flask
+
+from webapp.app import create_app
+from webapp.config import Config, ConfigError, read_config
+from webapp.stimuli.catalogue import BundleError
+from webapp.storage.database import DatabaseError, UnreachableError
+from webapp.storage.instance import InstanceError
+from webapp.views.logs import configure_logging
+
+LIVE = "webapp.wsgi:live()"
+TEST_RUN = "webapp.wsgi:test_run()"
+"""The addresses of the two, for gunicorn."""
+
+REFUSALS = (BundleError, ConfigError, DatabaseError, InstanceError)
+"""What keeps a server from starting, told in one line."""
+
+_CANNOT_BOOT = 3
+"""The exit status by which gunicorn knows that another try would end in the same way."""
+
+
+def live() -> Flask:
+    """Put together the app that collects real data."""
+    return _app(is_live=True)
+
+
+def test_run() -> Flask:
+    """Put together the app whose answers are marked as a test."""
+    return _app(is_live=False)
+
+
+def _app(*, is_live: bool) -> Flask:
+    try:
+        config = read_config(os.environ, live=is_live)
+        if config.database_url is None:
+            raise ConfigError("gunicorn serves PostgreSQL and DATABASE_URL is not set; `xar serve` serves SQLite")
+        configure_logging(with_requests=config.access_log)
+        return _patient_app(config)
+    except REFUSALS as error:
+        print(f"xar: {error}", file=sys.stderr)  # noqa: T201 - as the command line does.
+        sys.exit(_CANNOT_BOOT)
+
+
+def _patient_app(config: Config) -> Flask:
+    """Wait for a database that is not back yet. The server was started with it there: see `gunicorn_settings`."""
+    while True:
+        try:
+            return create_app(config)
+        except UnreachableError:
+            time.sleep(1)
