@@ -143,16 +143,11 @@ def install_spreadsheet() -> None:
     """See to it that the tests find LibreOffice, from Debian's packages if that can be done here."""
     if shutil.which("soffice") or shutil.which("libreoffice"):
         return
-    apt = shutil.which("apt-get")
-    if apt is None or os.geteuid() != 0:
-        raise CannotInstall(
-            "the tests of the copies for spreadsheets need LibreOffice, which was not found (Debian, as root: apt-get "
-            "install libreoffice-calc-nogui; elsewhere: libreoffice.org has it, with soffice on the path)."
-        )
-    say("installing libreoffice-calc-nogui")
-    quiet = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
-    _run([apt, "update", "-q"], environment=quiet)
-    _run([apt, "install", "-y", "-q", "--no-install-recommends", "libreoffice-calc-nogui"], environment=quiet)
+    _install_from_debian(
+        "libreoffice-calc-nogui",
+        "the tests of the copies for spreadsheets need LibreOffice, which was not found (Debian, as root: apt-get "
+        "install libreoffice-calc-nogui; elsewhere: libreoffice.org has it, with soffice on the path).",
+    )
 
 
 def find_postgres() -> str | None:
@@ -170,16 +165,22 @@ def install_postgres() -> None:
     """See to it that the tests find PostgreSQL; they run a server of their own."""
     if find_postgres() is not None:
         return
+    _install_from_debian(
+        "postgresql",
+        "the tests need PostgreSQL 13 or later (Debian, as root: apt-get install postgresql; or name the folder of "
+        "its programs in XAR_POSTGRES), which was not found.",
+    )
+
+
+def _install_from_debian(package: str, otherwise: str) -> None:
+    """Install a package of Debian's, or say what to do where that cannot be done."""
     apt = shutil.which("apt-get")
     if apt is None or os.geteuid() != 0:
-        raise CannotInstall(
-            "the tests need PostgreSQL 13 or later (Debian, as root: apt-get install postgresql; or name the folder of "
-            "its programs in XAR_POSTGRES), which was not found."
-        )
-    say("installing postgresql")
+        raise CannotInstall(otherwise)
+    say(f"installing {package}")
     quiet = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
     _run([apt, "update", "-q"], environment=quiet)
-    _run([apt, "install", "-y", "-q", "--no-install-recommends", "postgresql"], environment=quiet)
+    _run([apt, "install", "-y", "-q", "--no-install-recommends", package], environment=quiet)
 
 
 def say(line: str) -> None:
