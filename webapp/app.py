@@ -4,6 +4,7 @@ import resource
 import signal
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from types import FrameType
@@ -13,10 +14,11 @@ from flask import Flask
 from waitress.server import create_server  # type: ignore[import-untyped]
 
 from webapp.config import LOOPBACK, Config, ConfigError
+from webapp.server_loop import Sockets
 from webapp.stimuli.catalogue import Catalogue, current_bundle
 from webapp.stimuli.program import running_program
 from webapp.stimuli.publication import check_published
-from webapp.storage.database import Database, DatabaseError
+from webapp.storage.database import Database, DatabaseError, UnavailableError, UnreachableError
 from webapp.storage.instance import note_address, only_server, prepare_instance, secret_key
 from webapp.storage.live import LiveNumbers
 from webapp.storage.records import SYSTEM, Entry, append
@@ -106,16 +108,19 @@ def _open_services(config: Config, clock: Callable[[], datetime]) -> Services:
     prepare_instance(config.instance)
     secret = secret_key(config.instance)
     database = Database(config.database_path, config.database_url)
+    live = LiveNumbers(database)
     try:
         database.prepare()
+        # The first look reads everybody; no researcher has to wait for it.
+        live.overview(catalogue.study, Scope(catalogue.study.name, catalogue.version, config.mode), utc_now())
     except DatabaseError:
         database.close()
         raise
-    bundles = Bundles(config.instance / "bundles", catalogue)
-    live = LiveNumbers(database)
-    # The first look reads everybody; no researcher has to wait for it.
-    live.overview(catalogue.study, Scope(catalogue.study.name, catalogue.version, config.mode), utc_now())
-    return Services(config, database, live, bundles, secret, clock)
+    except UnavailableError as error:
+        database.close()
+        reason = str(error.orig or error).strip().splitlines()[0]
+        raise UnreachableError(f"the database {database.edition.told} cannot be used now: {reason}") from error
+    return Services(config, database, live, Bundles(config.instance / "bundles", catalogue), secret, clock)
 
 
 def _configure_flask(app: Flask, services: Services) -> None:
@@ -134,16 +139,17 @@ def _configure_flask(app: Flask, services: Services) -> None:
 
 
 def _serve(app: Flask, config: Config, announce: Callable[[str], None]) -> None:
+    sockets = Sockets()
     try:
         server = create_server(
             app,
+            map=sockets,
             host=config.host,
             port=config.port,
             threads=NUM_THREADS,
             connection_limit=MAX_CONNECTIONS,
             channel_timeout=_IDLE_S,
             cleanup_interval=_IDLE_S // 2,
-            asyncore_use_poll=True,
             ident=None,
             max_request_body_size=_SERVER_MAX_BODY_BYTES,
         )
@@ -154,8 +160,10 @@ def _serve(app: Flask, config: Config, announce: Callable[[str], None]) -> None:
     signal.signal(signal.SIGTERM, _stop)
     tell_start(app, server.effective_port, announce)
     try:
-        server.run()
+        with suppress(SystemExit, KeyboardInterrupt):
+            sockets.serve()
     finally:
+        server.task_dispatcher.shutdown()
         server.close()
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import fields
 from datetime import datetime
 
-from sqlalchemy import Connection, bindparam, insert, select, update
+from sqlalchemy import Connection, Table, bindparam, insert, select, update
 
 from webapp.storage.ledger import resume_slot
 from webapp.storage.participants import Participant
@@ -25,6 +25,7 @@ from webapp.study.session import Page
 
 # Every page that is sent needs these; putting them together takes longer than asking.
 _INSERTS = {table: insert(table) for table in (answers, drive_steps, drives, events, pages, predictions, ratings)}
+_OF_PAGES = frozenset({ratings, predictions, drives, events})
 _TOUCH = update(participants).where(participants.c.id == bindparam("whose"))
 _TRIAL_NUMBER = select(trials.c.number).where(
     trials.c.participant_id == bindparam("whose"),
@@ -35,12 +36,17 @@ _TRIAL_NUMBER = select(trials.c.number).where(
 
 def insert_page(
     connection: Connection, participant: Participant, page: Page, nonce: str, content: PageContent, now: datetime
-) -> None:
-    """Insert a page with what stands on it; answers to questions have been inserted by then."""
+) -> frozenset[Table]:
+    """Insert a page with what stands on it; answers to questions have been inserted by then.
+
+    Returns:
+        The tables that hold nothing of the page.
+    """
     number = trial_number(connection, participant.id, page)
     row = {"participant_id": participant.id, "number": page.number, "kind": page.kind, "trial_number": number}
     connection.execute(_INSERTS[pages], {**row, "nonce": nonce, "submitted_at": now})
     key = {"participant_id": participant.id, "page_number": page.number}
+    filled: set[Table] = set()
     for table, rows in (
         (ratings, _rating_rows(content.ratings)),
         (predictions, _rows(content.predictions, Prediction)),
@@ -49,6 +55,8 @@ def insert_page(
     ):
         if rows:
             connection.execute(_INSERTS[table], [key | values for values in rows])
+            filled.add(table)
+    return _OF_PAGES - filled
 
 
 def insert_answers(

@@ -11,7 +11,7 @@ from webapp.storage.contents import Stored, attempt_rows, page_rows, step_rows
 from webapp.storage.database import Database
 from webapp.storage.participants import Participant, read_participant
 from webapp.storage.records import PARTICIPANT, Entry, append
-from webapp.storage.restarts import latest_restart, num_attempts_since, num_steps_since
+from webapp.storage.restarts import latest_restart, num_attempts_since, num_steps_since, restart_within
 from webapp.storage.tables import answers, drive_steps
 from webapp.study.answers import Answer, DriveStep, PageContent
 from webapp.study.session import DRIVEN, Decision, Page, decide
@@ -48,7 +48,7 @@ def store_page(
         fresh, outcome = _decide(connection, participant, page)
         if fresh is None or outcome != "accept":
             return outcome
-        restart = latest_restart(connection, fresh.id, page.number)
+        restart = restart_within(connection, fresh, page.number)
         if content.answers and content.attempt != num_attempts_since(connection, restart) + 1:
             return "already_answered"
         if content.drive and content.drive.num_steps != num_steps_since(connection, restart):
@@ -136,7 +136,7 @@ def _store_step(
         fresh, outcome = _decide(connection, participant, page)
         if fresh is None or outcome != "accept":
             return outcome
-        restart = latest_restart(connection, fresh.id, page.number)
+        restart = restart_within(connection, fresh, page.number)
         stored = num_steps_since(connection, restart)
         if step.number != stored + 1:
             return "already_answered" if step.number <= stored else "too_early"
@@ -160,7 +160,7 @@ def _end_page(
     attempt: int | None,
     now: datetime,
 ) -> None:
-    insert_page(connection, participant, page, nonce, content, now)
+    unfilled = insert_page(connection, participant, page, nonce, content, now)
     is_last = page.number == participant.num_pages and not content.screens_out
     touch(
         connection,
@@ -169,7 +169,8 @@ def _end_page(
         completed_at=now if is_last else None,
         screened_out_at=now if content.screens_out else None,
     )
-    rows = page_rows(Stored(connection), participant.id, page.number, attempt)
+    source, may_end = Stored(connection, empty=unfilled), is_last or content.screens_out
+    rows = page_rows(source, participant.id, page.number, attempt, may_end=may_end)
     _record(connection, participant, page, Entry(now, PARTICIPANT, "sent", part=attempt, rows=rows))
 
 

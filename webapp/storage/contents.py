@@ -1,7 +1,7 @@
 """What a record of a participant's doings tells: the rows that were stored, as they stand in the tables."""
 
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cache
 from typing import Any, Protocol
 
@@ -49,11 +49,20 @@ class Source(Protocol):
 class Stored:
     """Rows as one needs them: for what was written just now."""
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: Connection, *, empty: Collection[Table] = ()) -> None:
+        """Read within a transaction.
+
+        Args:
+            connection: The transaction.
+            empty: Tables that have none of the rows to be asked for; they are not asked.
+        """
         self._connection = connection
+        self._empty = empty
 
     def rows(self, table: Table, participant_id: int, **wanted: int) -> Sequence[_Row]:
         """Ask for these rows alone."""
+        if table in self._empty:
+            return []
         found = self._connection.execute(_rows_with(table, *wanted), {"owner_": participant_id, **wanted})
         return [dict(row) for row in found.mappings()]
 
@@ -111,8 +120,16 @@ def step_rows(source: Source, participant_id: int, page: int, number: int) -> _R
     return {"drive_steps": source.rows(drive_steps, participant_id, page_number=page, number=number)}
 
 
-def page_rows(source: Source, participant_id: int, page: int, attempt: int | None) -> _Rows:
-    """Return what is stored with a page that was sent: of its answers, those of the last attempt."""
+def page_rows(source: Source, participant_id: int, page: int, attempt: int | None, *, may_end: bool = True) -> _Rows:
+    """Return what is stored with a page that was sent: of its answers, those of the last attempt.
+
+    Args:
+        source: Where the rows come from.
+        participant_id: Whose page it is.
+        page: Its number.
+        attempt: The number of the last attempt at its questions; None where it has none.
+        may_end: False where it is known that the study did not end with it, and need not be asked.
+    """
     of_page = {
         table.name: source.rows(table, participant_id, page_number=page)
         for table in (ratings, predictions, drives, events)
@@ -120,7 +137,7 @@ def page_rows(source: Source, participant_id: int, page: int, attempt: int | Non
     found = {
         **of_page,
         "pages": source.rows(pages, participant_id, number=page),
-        **_ending(source, participant_id, page),
+        **(_ending(source, participant_id, page) if may_end else {"ended": []}),
     }
     return found if attempt is None else {**found, **attempt_rows(source, participant_id, page, attempt)}
 

@@ -8,15 +8,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from alembic import command
-from alembic.config import Config as AlembicConfig
-from alembic.migration import MigrationContext
-from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, inspect
 
 from webapp.storage.editions import DatabaseError, Edition, Place, UnavailableError, UnreachableError
 from webapp.storage.group_commit import GroupCommit
 from webapp.storage.instance import prepare_instance
+from webapp.storage.revisions import CURRENT, known_revisions, revision_of, run_migrations
 from webapp.storage.sqlite_edition import SqliteEdition, journal_mode
 
 __all__ = [
@@ -28,8 +25,6 @@ __all__ = [
     "journal_mode",
     "open_database",
 ]
-
-_MIGRATIONS = Path(__file__).parent / "migrations"
 
 
 class Database:
@@ -88,10 +83,7 @@ class Database:
         if self._is_of_later_version():
             raise DatabaseError(self._later())
         with self._turns.alone(), self.edition.writing() as connection:
-            config = AlembicConfig()
-            config.set_main_option("script_location", str(_MIGRATIONS))
-            config.attributes["connection"] = connection
-            command.upgrade(config, "head")
+            run_migrations(connection)
             self.edition.after_upgrade(connection)
 
     def check_version(self) -> None:
@@ -100,7 +92,7 @@ class Database:
         Raises:
             DatabaseError: They are not.
         """
-        if (revision := self.revision()) == _scripts().get_current_head():
+        if (revision := self.revision()) == CURRENT:
             return
         if revision is None:
             raise DatabaseError(f"there is no database of xar in {self.edition.told}; `xar serve` makes one")
@@ -138,7 +130,7 @@ class Database:
     def revision(self) -> str | None:
         """Return the revision of the tables; None without tables of ours."""
         with self.read() as connection:
-            return MigrationContext.configure(connection).get_current_revision()
+            return revision_of(connection)
 
     def close(self) -> None:
         """Close every connection."""
@@ -146,7 +138,7 @@ class Database:
 
     def _is_of_later_version(self) -> bool:
         current = self.revision()
-        return current is not None and current not in {script.revision for script in _scripts().walk_revisions()}
+        return current is not None and current not in known_revisions()
 
     def _later(self) -> str:
         return f"the database {self.edition.told} was made by a later version of xar; install that version"
@@ -177,10 +169,6 @@ def open_database(place: Path | Place, *, make: bool = True) -> Iterator[Databas
         yield database
     finally:
         database.close()
-
-
-def _scripts() -> ScriptDirectory:
-    return ScriptDirectory(str(_MIGRATIONS))
 
 
 def _postgres(url: str) -> Edition:

@@ -20,7 +20,7 @@ from webapp.storage.backup_manifests import POSTGRESQL_SUFFIX, SQLITE_SUFFIX, co
 from webapp.storage.database import Database, DatabaseError, journal_mode
 from webapp.storage.findings import Finding, worst
 from webapp.storage.postgres_dumps import told as told_address
-from webapp.storage.revisions import known_revisions
+from webapp.storage.revisions import CURRENT, known_revisions
 from webapp.storage.snapshot import snapshot
 from webapp.storage.tables import participants, records
 from webapp.storage.verification import verify_log
@@ -113,7 +113,7 @@ def server(database: Database) -> Finding:
 
 def schema(database: Database) -> Finding:
     """Check that the tables are this program's."""
-    newest, revision = known_revisions()[0], database.revision()
+    newest, revision = CURRENT, database.revision()
     if revision == newest:
         return Finding("schema", "ok", f"revision {revision}")
     if revision is not None and revision not in known_revisions():
@@ -187,7 +187,7 @@ def backup_age(database: Database, backups: Path, now: datetime) -> list[Finding
     with database.read() as connection:
         query = select(participants.c.id).where(participants.c.mode == "live").limit(1)
         has_live = connection.execute(query).scalar_one_or_none() is not None
-    kept = list(complete_backups(backups, _name(database)))
+    kept = list(complete_backups(backups, name_of(database)))
     if not kept:
         if not has_live:
             return [Finding("backups", "ok", "none, and no live data")]
@@ -214,6 +214,6 @@ def _duration(age: timedelta) -> str:
     return f"{hours // 24} days" if hours >= 48 else f"{hours} h" if hours else f"{int(age.total_seconds() // 60)} min"  # noqa: PLR2004
 
 
-def _name(database: Database) -> str:
+def name_of(database: Database) -> str:
     """Return how manifests name a database."""
     return str(database.path.absolute()) if database.url is None else told_address(database.url)

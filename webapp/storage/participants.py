@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, cast
 
-from sqlalchemy import ColumnElement, Connection, RowMapping, Select, bindparam, func, or_, select, update
+from sqlalchemy import ColumnElement, Connection, RowMapping, Select, bindparam, exists, func, or_, select, update
 
 from webapp.storage.database import Database
 from webapp.storage.records import PARTICIPANT, Entry, Subject, append
 from webapp.storage.scope import Mode, Scope
-from webapp.storage.tables import pages, participant_tokens, participants, trials
+from webapp.storage.tables import page_restarts, pages, participant_tokens, participants, trials
 from webapp.study.experiments import Kind
 from webapp.study.session import Trial
 
@@ -34,6 +34,7 @@ class Participant:
         screened_out_at: When the quiz ended the study; None for everyone else.
         salt: A random number of this participant's own, for what the log holds of them.
         slot_released_at: When the place in the study was given back; None while it counts.
+        has_restarts: Whether a researcher let the participant begin a page anew.
     """
 
     id: int
@@ -50,6 +51,7 @@ class Participant:
     screened_out_at: datetime | None
     salt: str
     slot_released_at: datetime | None
+    has_restarts: bool = False
 
     @property
     def scope(self) -> Scope:
@@ -126,7 +128,8 @@ def _people(condition: ColumnElement[bool]) -> Select[Any]:
     num_stored = (
         select(func.count()).select_from(pages).where(pages.c.participant_id == participants.c.id).scalar_subquery()
     )
-    return select(participants, num_stored.label("num_stored")).where(condition)
+    has_restarts = exists().where(page_restarts.c.participant_id == participants.c.id)
+    return select(participants, num_stored.label("num_stored"), has_restarts.label("has_restarts")).where(condition)
 
 
 def _of_token(token_hash: ColumnElement[str]) -> ColumnElement[bool]:

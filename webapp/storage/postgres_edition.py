@@ -29,7 +29,7 @@ STATEMENT_TIMEOUT_S = 10
 POOL_SIZE = 8
 """How many connections a process keeps, one for each thread that answers; as many again while it needs more."""
 
-_WRITERS_LOCK = 0x786172
+WRITERS_LOCK = 0x786172
 """The number of the lock that writers take: any that is always the same."""
 
 _CONNECT_TIMEOUT_S = 5
@@ -88,7 +88,7 @@ class PostgresEdition:
     def writing(self) -> Iterator[Connection]:
         """Open a transaction that writes, as soon as no other process has one open."""
         with _no_wait_without_end(), self._engine.begin() as connection:
-            connection.execute(select(func.pg_advisory_xact_lock(_WRITERS_LOCK)))
+            connection.execute(select(func.pg_advisory_xact_lock(WRITERS_LOCK)))
             with _cursors_closed(connection):
                 yield connection
 

@@ -52,6 +52,8 @@ class Restart:
 
 def read_restarts(connection: Connection, participant: Participant) -> dict[int, int]:
     """Return by page how often a participant began it anew; pages never begun anew are missing."""
+    if not participant.has_restarts:
+        return {}
     return dict(tuple(row) for row in connection.execute(_RESTARTS, {"participant": participant.id}))
 
 
@@ -59,6 +61,11 @@ def latest_restart(connection: Connection, participant_id: int, page: int) -> Re
     """Return where a page was begun last; for most pages that is their beginning."""
     row = connection.execute(_LATEST, {"participant": participant_id, "page": page}).one_or_none()
     return Restart(participant_id, page, *(0, 0, 0) if row is None else tuple(row))
+
+
+def restart_within(connection: Connection, fresh: Participant, page: int) -> Restart:
+    """Return the same of a participant who was read within this transaction; most need not be asked about."""
+    return latest_restart(connection, fresh.id, page) if fresh.has_restarts else Restart(fresh.id, page, 0, 0, 0)
 
 
 def num_steps_since(connection: Connection, restart: Restart) -> int:

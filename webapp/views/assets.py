@@ -33,7 +33,10 @@ def init_assets(app: Flask, folder: Path) -> None:
         response.cache_control.immutable = True
         return response
 
-    app.add_url_rule(f"/static/{digest_of(files)}/<path:filename>", "static", _send)
+    base = f"/static/{digest_of(files)}"
+    app.add_url_rule(f"{base}/<path:filename>", "static", _send)
+    # Each page names a dozen of them.
+    app.jinja_env.globals["asset"] = {name: f"{base}/{name}" for name in files}.__getitem__
     app.after_request(_pack)
 
 

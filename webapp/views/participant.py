@@ -15,7 +15,7 @@ from webapp.views.forms import refusal_of
 from webapp.views.pages import Problems, attempt_at, parse_page, render_page
 from webapp.views.services import services
 from webapp.views.texts import catalogue
-from webapp.views.visit import load_participant, load_visit, place_of
+from webapp.views.visit import load_participant, load_visit, place_after, place_of
 
 bp = Blueprint("participant", __name__)
 
@@ -58,11 +58,13 @@ def submit_page(number: int) -> Response | tuple[str, int]:
         return render_page(visit, page, request.form, content), 422
     here = services()
     outcome = store_page(here.database, visit.participant, page, request.form["nonce"], content, here.clock())
-    if outcome in {"already_answered", "too_early"}:
-        flash(outcome)
-    elif content.failed and not content.screens_out:
+    if outcome != "accept":
+        if outcome != "ended":
+            flash(outcome)
+        return go_to(place_of(_anew(visit.participant)))
+    if content.failed and not content.screens_out:
         flash("quiz_failed")
-    return go_to(place_of(_anew(visit.participant)))
+    return go_to(place_after(visit.participant, page, content))
 
 
 @bp.get("/leave")

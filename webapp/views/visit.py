@@ -8,6 +8,7 @@ from flask import g, request, url_for
 from webapp.stimuli.catalogue import Catalogue
 from webapp.storage.participants import Participant, find_participant, hash_token
 from webapp.storage.visits import find_visit
+from webapp.study.answers import PageContent
 from webapp.study.session import Page, decide, pages
 from webapp.views.security import cookie_name
 from webapp.views.services import StudyChangedError, services
@@ -111,6 +112,17 @@ def place_of(participant: Participant) -> str:
     if participant.completed_at is not None:
         return url_for("participant.done")
     return url_for("participant.show_page", number=participant.num_stored + 1)
+
+
+def place_after(participant: Participant, page: Page, content: PageContent) -> str:
+    """Return the address of the page that a participant is at after a page was stored."""
+    if content.screens_out:
+        return url_for("participant.ended")
+    if not content.is_final:
+        return url_for("participant.show_page", number=page.number)
+    if page.number == participant.num_pages:
+        return url_for("participant.done")
+    return url_for("participant.show_page", number=page.number + 1)
 
 
 def speak_as_before(participant: Participant) -> None:

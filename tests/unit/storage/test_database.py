@@ -14,8 +14,7 @@ from sqlalchemy.engine.interfaces import ReflectedCheckConstraint
 from sqlalchemy.exc import IntegrityError, OperationalError
 
 from tests.outside import outside
-from webapp.storage import database as database_module
-from webapp.storage import sqlite_edition
+from webapp.storage import revisions, sqlite_edition
 from webapp.storage.database import Database, DatabaseError, journal_mode, open_database
 from webapp.storage.schema import metadata
 from webapp.storage.tables import sign_in_attempts
@@ -90,10 +89,10 @@ def test_tables_of_an_earlier_version_are_refused_and_left_as_they_are(database:
 @pytest.mark.sqlite_only(reason="the broken step is run on a file of its own")
 def test_a_migration_that_fails_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     broken = tmp_path / "migrations"
-    shutil.copytree(database_module._MIGRATIONS, broken)
+    shutil.copytree(revisions._MIGRATIONS, broken)
     step = 'revision = "9999"\ndown_revision = "0003"\n\ndef upgrade():\n    raise RuntimeError("power cut")\n'
     (broken / "versions" / "9999_broken.py").write_text(step)
-    monkeypatch.setattr(database_module, "_MIGRATIONS", broken)
+    monkeypatch.setattr(revisions, "_MIGRATIONS", broken)
     with closing(Database(tmp_path / "xar.sqlite3")) as database:
         with pytest.raises(RuntimeError, match="power cut"):
             database.upgrade()

@@ -12,7 +12,7 @@ from alembic import command
 from alembic.config import Config as AlembicConfig
 
 from tests.unit.storage.people import NOW, count, enrol_somebody, walk
-from webapp.storage import database as database_module
+from webapp.storage import revisions
 from webapp.storage.database import Database, DatabaseError
 from webapp.storage.erasure import erase
 from webapp.storage.exports import FileName, write_csv
@@ -72,7 +72,7 @@ def old(tmp_path: Path) -> Iterator[Database]:
     database = Database(tmp_path / "xar.sqlite3")
     with database.write() as connection:
         config = AlembicConfig()
-        config.set_main_option("script_location", str(database_module._MIGRATIONS))
+        config.set_main_option("script_location", str(revisions._MIGRATIONS))
         config.attributes["connection"] = connection
         command.upgrade(config, "0001")
         for statement in PEOPLE.strip().split(";\n"):

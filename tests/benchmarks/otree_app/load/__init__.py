@@ -1,4 +1,7 @@
-"""The compared study as an oTree app: consent, three pages of a picture and three ratings, the end."""
+"""The compared study as an oTree app, page for page as ours.
+
+Consent, the instructions, three times a page with the picture and a page with three ratings, the end.
+"""
 
 from otree.api import BaseConstants, BaseGroup, BasePlayer, BaseSubsession, Page, models, widgets
 
@@ -44,39 +47,61 @@ class Consent(Page):
     form_fields = ["agree"]
 
 
-class _Trial(Page):
+class Instructions(Page):
+    pass
+
+
+class _Situation(Page):
+    template_name = "load/Situation.html"
+
+
+class _Ratings(Page):
     form_model = "player"
+    template_name = "load/Ratings.html"
 
 
-class Trial1(_Trial):
-    template_name = "load/Trial.html"
-    form_fields = ["likeliness1", "loveliness1", "general1"]
-
+class Situation1(_Situation):
     @staticmethod
     def vars_for_template(player):
         return dict(picture="load/1.png")
 
 
-class Trial2(_Trial):
-    template_name = "load/Trial.html"
-    form_fields = ["likeliness2", "loveliness2", "general2"]
+class Ratings1(_Ratings):
+    form_fields = ["likeliness1", "loveliness1", "general1"]
 
+
+class Situation2(_Situation):
     @staticmethod
     def vars_for_template(player):
         return dict(picture="load/2.png")
 
 
-class Trial3(_Trial):
-    template_name = "load/Trial.html"
-    form_fields = ["likeliness3", "loveliness3", "general3"]
+class Ratings2(_Ratings):
+    form_fields = ["likeliness2", "loveliness2", "general2"]
 
+
+class Situation3(_Situation):
     @staticmethod
     def vars_for_template(player):
         return dict(picture="load/3.png")
+
+
+class Ratings3(_Ratings):
+    form_fields = ["likeliness3", "loveliness3", "general3"]
 
 
 class End(Page):
     pass
 
 
-page_sequence = [Consent, Trial1, Trial2, Trial3, End]
+page_sequence = [
+    Consent,
+    Instructions,
+    Situation1,
+    Ratings1,
+    Situation2,
+    Ratings2,
+    Situation3,
+    Ratings3,
+    End,
+]

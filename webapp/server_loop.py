@@ -1,0 +1,114 @@
+"""Waitress's loop, asking only those connections on which something can have changed.
+
+Waitress asks every connection what it waits for, each time that anything happens on one of them. With 200 people at
+once that takes longer than their requests do, and holds up the threads that answer them. This loop keeps what is waited
+for in a selector (epoll or kqueue). It asks a connection anew after an event on it, while a thread answers on it and
+once after that, and all of them once a second, since waitress marks idle connections for closing.
+"""
+
+import select
+import selectors
+import time
+from collections import deque
+from collections.abc import Iterable
+from typing import Any
+
+from waitress import wasyncore  # type: ignore[import-untyped]
+from waitress.channel import HTTPChannel  # type: ignore[import-untyped]
+
+_ASK_ALL_S = 1.0
+
+
+class Sockets(dict[int, Any]):
+    """Waitress's map of everything open, by file descriptor. Only the loop's thread changes it.
+
+    Attributes:
+        answering: The connections on which threads answer at the moment.
+        answered: Those on which a thread has answered, until the loop asks them.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.answering: list[Channel] = []
+        self.answered: deque[Channel] = deque()
+        self._selector = selectors.DefaultSelector()
+        self._waited_for: dict[int, int] = {}
+        self._new: list[int] = []
+        self._listening: list[int] = []
+
+    def __setitem__(self, number: int, opened: Any) -> None:  # noqa: ANN401 - waitress has no types.
+        """Take in what was opened; it is asked when it is complete."""
+        super().__setitem__(number, opened)
+        self._new.append(number)
+
+    def __delitem__(self, number: int) -> None:
+        """Forget what is about to be closed."""
+        super().__delitem__(number)
+        if self._waited_for.pop(number, 0):
+            self._selector.unregister(number)
+
+    def serve(self) -> None:
+        """Let waitress handle what happens, until an exception such as SystemExit ends it."""
+        for opened in self.values():
+            if opened.accepting:
+                opened.channel_class = Channel
+        self._listening = [number for number, opened in self.items() if opened.accepting]
+        ask_all = 0.0
+        while True:
+            now = time.monotonic()
+            if now >= ask_all:
+                ask_all = now + _ASK_ALL_S
+                self._ask(tuple(self))
+            self._turn()
+
+    def _turn(self) -> None:
+        """Wait for events, handle them, and ask whatever they can have changed."""
+        changed = {*self._listening}
+        for key, events in self._selector.select(_ASK_ALL_S):
+            # An earlier event may have closed it, and a new connection may have got its number.
+            if self.get(key.fd) is key.data:
+                readable = select.POLLIN if events & selectors.EVENT_READ else 0
+                writable = select.POLLOUT if events & selectors.EVENT_WRITE else 0
+                wasyncore.readwrite(key.data, readable | writable)
+                changed.add(key.fd)
+        changed.update(self._new)
+        self._new.clear()
+        # In this order: a thread notes that it has answered before it ceases to be one that answers.
+        busy = [*self.answering]
+        while self.answered:
+            busy.append(self.answered.popleft())
+        self._ask(changed)
+        self._ask(channel._fileno for channel in busy)
+
+    def _ask(self, numbers: Iterable[int]) -> None:
+        for number in numbers:
+            opened = self.get(number)
+            if opened is None:
+                continue
+            wanted = selectors.EVENT_READ if opened.readable() else 0
+            if opened.writable() and not opened.accepting:
+                wanted |= selectors.EVENT_WRITE
+            before = self._waited_for.get(number, 0)
+            if wanted == before:
+                continue
+            if not before:
+                self._selector.register(number, wanted, opened)
+            elif wanted:
+                self._selector.modify(number, wanted, opened)
+            else:
+                self._selector.unregister(number)
+            self._waited_for[number] = wanted
+
+
+class Channel(HTTPChannel):  # type: ignore[misc]
+    """A connection that tells the loop while a thread answers on it, and when it has."""
+
+    def service(self) -> None:
+        """Answer one request, in a thread."""
+        sockets: Sockets = self._map
+        sockets.answering.append(self)
+        try:
+            super().service()
+        finally:
+            sockets.answered.append(self)
+            sockets.answering.remove(self)
