@@ -13,7 +13,7 @@ FREE_PORT := import socket; free = lambda port: socket.socket().connect_ex(("127
 	print(next(filter(free, range(8000, 8100)), 8000))
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-postgres check format bench soak evidence golden check-deploy sbom lock install install-browser install-postgres clean
+.PHONY: help run test test-postgres check format bench soak evidence mutants golden check-deploy sbom lock install install-browser install-postgres clean
 
 help:  ## List the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -42,7 +42,7 @@ format: install  ## Format the Python files and mend what can be mended
 	$(BIN)/ruff format .
 
 bench: install  ## Time what the documentation promises
-	@status=0; for part in promises exact_importance batched_sampling reachability scale pictures pages dashboard dashboard_pages exports abuse group_commit ordinal analysis power rehearsal learning_runs sweeps; do \
+	@status=0; for part in promises exact_importance batched_sampling reachability scale pictures pages dashboard dashboard_pages exports abuse sign_in group_commit ordinal analysis power rehearsal learning_runs sweeps; do \
 		echo "== $$part"; $(BIN)/python -m tests.benchmarks.$$part || status=1; done; exit $$status
 
 soak: install install-browser  ## Many participants at once, then every way of taking part, against what is stored
@@ -54,17 +54,30 @@ soak: install install-browser  ## Many participants at once, then every way of t
 	$(BIN)/python -m tests.faults.spreadsheets --full
 	$(BIN)/python -m tests.faults.power_cut --full
 	$(BIN)/python -m tests.faults.kills --full
-	$(BIN)/python -m tests.faults.kills --full --postgres
+	$(BIN)/python -m tests.faults.postgres_kills --full
 	$(BIN)/python -m tests.faults.flushes --full
-	$(BIN)/python -m tests.faults.assignment --full
+	$(BIN)/python -m tests.faults.assignment --full --both
 	$(BIN)/python -m tests.faults.backups --full
 	$(BIN)/python -m tests.faults.migrations --full
+	$(BIN)/python -m tests.faults.disk_full --full
+	$(BIN)/python -m tests.faults.read_only --full
+	$(BIN)/python -m tests.faults.disk_errors --full
+	$(BIN)/python -m tests.faults.clock --full
+	$(BIN)/python -m tests.faults.gestures --full
+	$(BIN)/python -m tests.faults.replay --full
+	$(BIN)/python -m tests.faults.restarts --full
+	$(BIN)/python -m tests.faults.abandoned --full
+	$(BIN)/python -m tests.faults.lock --full
+	$(BIN)/python -m tests.faults.gates --full
+
+mutants: install  ## Change the program on purpose and see whether tests notice; writes docs/mutants.md
+	$(BIN)/python -m tests.faults.mutation
 
 golden: install  ## Compute the analysis's golden numbers anew where R is installed, and compare
 	$(BIN)/python -m tests.golden.analysis.recompute
 
 check-deploy: install install-browser  ## The files of deploy/, by the tools that know them
-	$(BIN)/pytest -q tests/unit/test_deployment.py
+	$(BIN)/pytest -q tests/unit/test_deployment.py tests/unit/test_deployed_images.py
 
 sbom: install  ## Write docs/sbom.cdx.json: the locked packages that the program needs
 	$(BIN)/python .ci/sbom.py

@@ -32,6 +32,7 @@ BROWSERS = {
     "nginx-light": "nginx (Debian, as root: apt-get install nginx-light)",
     "openssl": "openssl (Debian, as root: apt-get install openssl)",
     "strace": "strace (Debian, as root: apt-get install strace)",
+    "fiu-utils": "libfiu's fiu-ctrl (Debian, as root: apt-get install fiu-utils)",
     "systemd": "systemd-analyze (Debian, as root: apt-get install systemd)",
 }
 
@@ -124,6 +125,7 @@ def install_browsers() -> None:
         "nginx-light": find_nginx,
         "openssl": lambda: shutil.which("openssl"),
         "strace": lambda: shutil.which("strace"),
+        "fiu-utils": lambda: shutil.which("fiu-ctrl"),
         "systemd": lambda: shutil.which("systemd-analyze"),
     }
     missing = [package for package, find in finders.items() if find() is None]

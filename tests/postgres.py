@@ -4,11 +4,13 @@ import os
 import pwd
 import secrets
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -21,6 +23,8 @@ IS_WANTED = os.environ.get("XAR_TEST_POSTGRES") == "1"
 """Whether all tests that store something do so in PostgreSQL."""
 
 TEMPLATE = "xar_template"
+_STARTS_WITHIN_S = 60
+_GONE_WITHIN_S = 30
 _BINARIES = ("/usr/lib/postgresql/*/bin", "/opt/homebrew/opt/postgresql*/bin", "/usr/pgsql-*/bin")
 
 
@@ -54,23 +58,60 @@ class Server:
         with closing(self.connect()) as connection:
             connection.execute(f"DROP DATABASE IF EXISTS {name} WITH (FORCE)")
 
-    def start(self) -> None:
-        """Start, and return when connections are accepted."""
+    def start(self, *, wait: bool = True) -> None:
+        """Start, and return when connections are accepted, or at once."""
         options = f"-c listen_addresses= -c unix_socket_directories={self.folder} -c max_connections=100"
-        run("pg_ctl", "start", "-w", "-D", self.folder / "data", "-l", self.folder / "log", "-o", options)
+        waiting = "-w" if wait else "-W"
+        run("pg_ctl", "start", waiting, "-D", self.folder / "data", "-l", self.folder / "log", "-o", options)
 
     def stop(self, mode: str = "fast") -> None:
         """Stop. `immediate` is as if the machine had stopped."""
         run("pg_ctl", "stop", "-w", "-D", self.folder / "data", "-m", mode)
 
+    def kill(self) -> None:
+        """Kill the process that all others come from, and return when these have noticed it and are gone too."""
+        locks = (self.folder / "data/postmaster.pid", self.folder / ".s.PGSQL.5432.lock")
+        os.kill(int(locks[0].read_text(encoding="utf-8").split()[0]), signal.SIGKILL)
+        ends_at = time.monotonic() + _GONE_WITHIN_S
+        while left := self._processes():
+            assert time.monotonic() < ends_at, f"still there after {_GONE_WITHIN_S} s: processes {left}"
+            time.sleep(0.02)
+        for lock in locks:  # Until somebody has waited for the process that they name, it would seem to be there.
+            lock.unlink()
+
+    def await_connections(self) -> float:
+        """Return as soon as connections are accepted; the monotonic time then, in seconds."""
+        ends_at = time.monotonic() + _STARTS_WITHIN_S
+        while True:
+            try:
+                self.connect().close()
+            except psycopg.OperationalError:
+                assert time.monotonic() < ends_at, (self.folder / "log").read_text(encoding="utf-8")[-2000:]
+                time.sleep(0.01)
+            else:
+                return time.monotonic()
+
+    def _processes(self) -> list[int]:
+        """Return the processes that have its data as their working directory, which all of PostgreSQL's do."""
+        found = []
+        for process in Path("/proc").glob("[0-9]*"):
+            with suppress(OSError):  # It is another user's, or has just ended.
+                if (process / "cwd").readlink() == self.folder / "data":
+                    found.append(int(process.name))
+        return found
+
 
 @contextmanager
-def a_server() -> Iterator[Server]:
-    """Run a server for as long as the context lasts, with the tables made in a template."""
+def a_server(*, on_disk: bool = False) -> Iterator[Server]:
+    """Run a server for as long as the context lasts, with the tables made in a template.
+
+    Args:
+        on_disk: Whether its files lie where flushing them costs what it costs.
+    """
     # A socket's path may have a hundred bytes: pytest's folders are too deep.
     # In memory, a flush costs nothing; the server still does it.
     memory = Path("/dev/shm")  # noqa: S108 - where Linux has it.
-    place = memory if os.access(memory, os.W_OK) else None
+    place = memory if os.access(memory, os.W_OK) and not on_disk else None
     with tempfile.TemporaryDirectory(prefix="xar-pg-", dir=place, ignore_cleanup_errors=True) as name:
         server = Server(Path(name))
         watchdog = _watch(server.folder)

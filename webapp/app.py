@@ -1,5 +1,7 @@
 """The web application, put together from its parts, and the server that runs it."""
 
+import logging
+import os
 import resource
 import signal
 import sys
@@ -11,6 +13,7 @@ from types import FrameType
 from typing import NoReturn
 
 from flask import Flask
+from flask.helpers import get_debug_flag
 from waitress.server import create_server  # type: ignore[import-untyped]
 
 from webapp.config import LOOPBACK, Config, ConfigError
@@ -21,8 +24,10 @@ from webapp.stimuli.publication import check_published
 from webapp.storage.database import Database, DatabaseError, UnavailableError, UnreachableError
 from webapp.storage.instance import note_address, only_server, prepare_instance, secret_key
 from webapp.storage.live import LiveNumbers
+from webapp.storage.participants import has_participants
 from webapp.storage.records import SYSTEM, Entry, append
 from webapp.storage.scope import Scope
+from webapp.storage.surroundings import shared_place
 from webapp.views import arrival, ask, driving, health, participant, researcher
 from webapp.views.assets import init_assets
 from webapp.views.errors import init_errors
@@ -41,6 +46,7 @@ MAX_FORM_PARTS = 100
 _IDLE_S = 30
 # Above the app's own limit, so that somebody who sends too much is told so on one of our pages.
 _SERVER_MAX_BODY_BYTES = 6 * 1024 * 1024
+_LOGGER = logging.getLogger(__name__)
 
 
 def create_app(config: Config, *, clock: Callable[[], datetime] = utc_now) -> Flask:
@@ -81,6 +87,7 @@ def serve(config: Config, announce: Callable[[str], None]) -> None:
         ConfigError: The address cannot be listened on, or as `create_app`.
         webapp.storage.instance.InstanceError: Another server runs on this instance, or as `create_app`.
     """
+    refuse_debugging()
     refuse_several_for_sqlite(config)
     configure_logging(with_requests=config.access_log)
     prepare_instance(config.instance)
@@ -106,11 +113,18 @@ def _open_services(config: Config, clock: Callable[[], datetime]) -> Services:
         names = ", ".join(placeholders)
         raise ConfigError(f"--live needs the study file's {names}, still placeholders; fill in and run `xar build`")
     prepare_instance(config.instance)
+    is_key_new = not (config.instance / "secret_key").exists()
     secret = secret_key(config.instance)
     database = Database(config.database_path, config.database_url)
     live = LiveNumbers(database)
     try:
         database.prepare()
+        if is_key_new and has_participants(database):
+            _LOGGER.warning(
+                "made a new secret key beside an old database: pages that are open are sent in vain, and recruiters' "
+                "links lead nobody back; bring back %s from a backup",
+                config.instance / "secret_key",
+            )
         # The first look reads everybody; no researcher has to wait for it.
         live.overview(catalogue.study, Scope(catalogue.study.name, catalogue.version, config.mode), utc_now())
     except DatabaseError:
@@ -187,6 +201,16 @@ def refuse_several_for_sqlite(config: Config) -> None:
         )
 
 
+def refuse_debugging() -> None:
+    """Refuse to serve people what a programmer wants to see.
+
+    Raises:
+        ConfigError: Flask is told to debug.
+    """
+    if get_debug_flag():
+        raise ConfigError(f"FLASK_DEBUG is {os.environ['FLASK_DEBUG']!r}; unset it where people take part")
+
+
 def tell_start(app: Flask, port: int, announce: Callable[[str], None]) -> None:
     """Record that a server listens, note where for programs on this machine, and announce it.
 
@@ -204,6 +228,8 @@ def tell_start(app: Flask, port: int, announce: Callable[[str], None]) -> None:
     announce(f"Dashboard:    {address}/researcher/")
     if not config.https and config.host not in LOOPBACK:
         announce("Without https, passwords and answers can be read on their way; see XAR_HTTPS.")
+    for finding in shared_place(config.instance) if config.database_url is None else ():
+        announce(f"Answers are in danger: {finding.told}; {finding.wish}.")
     announce("Live: answers are data." if config.live else "Test run: answers are marked as a test.")
 
 

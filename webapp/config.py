@@ -46,6 +46,7 @@ class Config:
         access_log: Whether to write a line for each request, with nothing about who asked. `XAR_ACCESS_LOG`.
         database_url: The address of the PostgreSQL database, `DATABASE_URL`; None for SQLite's file in the instance.
         workers: How many processes serve; with SQLite one. `WEB_CONCURRENCY`.
+        backups: The folder of backups. `XAR_BACKUPS`, else `backups` in the instance.
     """
 
     instance: Path
@@ -58,6 +59,7 @@ class Config:
     access_log: bool = False
     database_url: str | None = field(default=None, repr=False)  # It may hold a password.
     workers: int = 1
+    backups: Path | None = None
 
     @property
     def mode(self) -> Literal["live", "test"]:
@@ -68,6 +70,11 @@ class Config:
     def database_path(self) -> Path:
         """The database file of the SQLite edition."""
         return self.instance / "xar.sqlite3"
+
+    @property
+    def backup_folder(self) -> Path:
+        """Where backups go and are looked for unless a command says otherwise."""
+        return self.backups or self.instance / "backups"
 
 
 def _address_problems(database_url: str | None) -> list[str]:
@@ -133,4 +140,5 @@ def read_config(environment: Mapping[str, str], *, live: bool = False, **given: 
         access_log=_YES_OR_NO[access_log],
         database_url=database_url,
         workers=int(workers),
+        backups=Path(environment["XAR_BACKUPS"]).absolute() if environment.get("XAR_BACKUPS") else None,
     )

@@ -12,7 +12,7 @@ import click
 from flask import Flask
 from gunicorn.arbiter import Arbiter
 
-from webapp.app import MAX_CONNECTIONS, NUM_THREADS, create_app, refuse_several_for_sqlite, tell_start
+from webapp.app import MAX_CONNECTIONS, NUM_THREADS, create_app, refuse_debugging, refuse_several_for_sqlite, tell_start
 from webapp.config import read_config
 from webapp.storage.instance import only_server, prepare_instance
 from webapp.views.logs import configure_logging
@@ -47,6 +47,7 @@ def on_starting(server: Arbiter) -> None:
     """Hold the instance, and put the app together once, so that what is wrong is told in one line."""
     try:
         config = read_config(os.environ, live=server.app.app_uri == LIVE)
+        refuse_debugging()
         refuse_several_for_sqlite(config)
         configure_logging(with_requests=config.access_log)
         prepare_instance(config.instance)

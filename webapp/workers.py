@@ -4,7 +4,7 @@ import os
 import sys
 from typing import NoReturn
 
-from webapp.app import refuse_several_for_sqlite
+from webapp.app import refuse_debugging, refuse_several_for_sqlite
 from webapp.config import Config
 from webapp.wsgi import LIVE, TEST_RUN
 
@@ -15,6 +15,7 @@ def serve_with_workers(config: Config) -> NoReturn:
     Raises:
         webapp.config.ConfigError: The database is SQLite's.
     """
+    refuse_debugging()
     refuse_several_for_sqlite(config)
     settings = {
         "XAR_INSTANCE": str(config.instance),

@@ -3,6 +3,8 @@
 import os
 import sys
 import time
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from flask import Flask
 
@@ -13,6 +15,9 @@ from webapp.storage.database import DatabaseError, UnreachableError
 from webapp.storage.instance import InstanceError
 from webapp.views.logs import configure_logging
 
+if TYPE_CHECKING:
+    from wsgiref.types import StartResponse, WSGIEnvironment
+
 LIVE = "webapp.wsgi:live()"
 TEST_RUN = "webapp.wsgi:test_run()"
 """The addresses of the two, for gunicorn."""
@@ -20,6 +25,8 @@ TEST_RUN = "webapp.wsgi:test_run()"
 REFUSALS = (BundleError, ConfigError, DatabaseError, InstanceError)
 """What keeps a server from starting, told in one line."""
 
+_MAX_LEFT_BYTES = 6 * 1024 * 1024
+_PART_BYTES = 64 * 1024
 _CANNOT_BOOT = 3
 """The exit status by which gunicorn knows that another try would end in the same way."""
 
@@ -40,7 +47,7 @@ def _app(*, is_live: bool) -> Flask:
         if config.database_url is None:
             raise ConfigError("gunicorn serves PostgreSQL and DATABASE_URL is not set; `xar serve` serves SQLite")
         configure_logging(with_requests=config.access_log)
-        return _patient_app(config)
+        return _reading_to_the_end(_patient_app(config))
     except REFUSALS as error:
         print(f"xar: {error}", file=sys.stderr)  # noqa: T201 - as the command line does.
         sys.exit(_CANNOT_BOOT)
@@ -53,3 +60,25 @@ def _patient_app(config: Config) -> Flask:
             return create_app(config)
         except UnreachableError:
             time.sleep(1)
+
+
+def _reading_to_the_end(app: Flask) -> Flask:
+    """Let what is left of a form be read before the answer goes out, such as where nothing can be stored anyway.
+
+    gunicorn would read it afterwards, and with it the beginning of the connection's next request, if that is there by
+    then; and nobody would hear of that request any more. What is too long is not waited for: gunicorn then closes the
+    connection.
+    """
+    answer = app.wsgi_app
+
+    def read_and_answer(environ: "WSGIEnvironment", start_response: "StartResponse") -> Iterable[bytes]:
+        body, left = environ["wsgi.input"], _MAX_LEFT_BYTES
+        if int(environ.get("CONTENT_LENGTH") or 0) > left:
+            return answer(environ, start_response)
+        answered = answer(environ, start_response)
+        while left > 0 and (part := body.read(min(left, _PART_BYTES))):
+            left -= len(part)
+        return answered
+
+    app.wsgi_app = read_and_answer  # type: ignore[method-assign]
+    return app

@@ -19,7 +19,7 @@ from webapp.storage.accounts import MAX_NAME_LENGTH, AccountError, change_role, 
 from webapp.storage.answers import store_page
 from webapp.storage.database import Database, open_database
 from webapp.storage.enrolment import Enrolment, enrol
-from webapp.storage.instance import prepare_instance
+from webapp.storage.instance import prepare_instance, secret_key
 from webapp.storage.participants import Participant, hash_token
 from webapp.storage.people import MAX_REASON_LENGTH, Correction, correct, exclude, include, note
 from webapp.storage.tables import researchers
@@ -94,6 +94,7 @@ def serve_hostile(folder: Path) -> Iterator[HostileSite]:
     built, instance = folder / "built", folder / "instance"
     version, texts = _write(built, study)
     prepare_instance(instance)
+    secret_key(instance)
     with open_database(instance / "xar.sqlite3") as database:
         person = _enrol(database, study, version, TOKEN, Recruit("prolific", "0" * 24, "1" * 24, "2" * 24))
         decided = _enrol(database, study, version, "decided", Recruit("prolific", "3" * 24, "1" * 24, "4" * 24))
@@ -120,7 +121,8 @@ def _decide(database: Database, person: Participant, study: Study, page: Page) -
     """
     asked = Asked(study, page)
     for number, text in enumerate(REASONS):
-        now, actor = NOW + timedelta(seconds=number), as_read(PAYLOADS[-number])
+        # No account's name has a NUL, and a data set with one cannot be analysed.
+        now, actor = NOW + timedelta(seconds=number), as_read(PAYLOADS[-number]).replace("\0", "")
         note(database, person.code, text, actor, now)
         if number % 4 < 2:
             (include if number % 4 else exclude)(database, person.code, text, actor, now)

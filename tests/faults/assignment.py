@@ -1,26 +1,26 @@
 """Let everybody agree at the same moment, through HTTP, and see that the arms stay balanced (F13).
 
-    python -m tests.faults.assignment [--full] [--rounds 1] [--starts 64]
+    python -m tests.faults.assignment [--full] [--rounds 1] [--starts 64] [--postgres | --both]
 
 After every round, the arms of the study differ by one participant at most, and each link that a recruiter sent belongs
 to one participant, although half of the links are opened in two browsers at once. `--full` is 200 rounds: twenty of 64
-and of 200 starts for each of 2, 3, 4, 6 and 24 cells. With the setting `DATABASE_URL` in the environment the PostgreSQL
-edition runs, on that database; its tables should be empty.
+and of 200 starts for each of 2, 3, 4, 6 and 24 cells. With `--postgres`, two workers serve from a PostgreSQL server of
+the test's own; `--both` is one edition after the other.
 """
 
 import argparse
-import os
 import sys
 import tempfile
 import threading
 from collections import Counter
 from collections.abc import Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 
 from sqlalchemy import text
 
+from tests import postgres
 from tests.faults.client import Browser
 from tests.faults.oracle import evidence
 from tests.faults.program import Program, in_threads, running
@@ -142,20 +142,37 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--full", action="store_true", help="200 rounds")
     parser.add_argument("--rounds", type=int, default=1, help="for each number of cells and of starts")
     parser.add_argument("--starts", type=int, nargs="+", default=[64, 200])
+    edition = parser.add_mutually_exclusive_group()
+    edition.add_argument("--postgres", action="store_true", help="PostgreSQL in place of SQLite")
+    edition.add_argument("--both", action="store_true", help="SQLite, then PostgreSQL")
     options = parser.parse_args(arguments)
-    num_rounds = 20 if options.full else options.rounds
-    url = os.environ.get("DATABASE_URL")
-    counts: dict[str, dict[str, int]] = {}
-    is_clean = True
-    with tempfile.TemporaryDirectory() as scratch:
-        for num_cells in DESIGNS:
-            rounds = [num_starts for num_starts in options.starts for _ in range(num_rounds)]
-            outcome = start_at_once(Path(scratch, f"cells{num_cells}"), num_cells, rounds, url=url)
-            counts[f"{num_cells} cells"] = outcome.to_json()
-            is_clean = is_clean and outcome.is_clean
-        control = start_at_once(Path(scratch, "control"), 6, [64, 64, 64], mutant="unlocked")
-    print(evidence("F13 simultaneous starts", counts, starts=options.starts, control={"unlocked": control.to_json()}))
-    return 0 if is_clean and control.spread > 1 else 1
+    rounds = [num_starts for num_starts in options.starts for _ in range(20 if options.full else options.rounds)]
+    is_as_promised = True
+    with ExitStack() as stack:
+        scratch = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        if not options.postgres:
+            is_as_promised = _measure(scratch / "sqlite", rounds, None)
+        if options.postgres or options.both:
+            server = stack.enter_context(postgres.a_server())
+            is_as_promised = _measure(scratch / "postgres", rounds, server) and is_as_promised
+    return 0 if is_as_promised else 1
+
+
+def _measure(scratch: Path, rounds: Sequence[int], server: postgres.Server | None) -> bool:
+    """Print the evidence of one edition, and tell whether it is as promised and the control is not."""
+
+    def url() -> str | None:
+        return None if server is None else server.url(server.make())
+
+    outcomes = {
+        f"{num_cells} cells": start_at_once(scratch / f"cells{num_cells}", num_cells, rounds, url=url())
+        for num_cells in DESIGNS
+    }
+    control = start_at_once(scratch / "control", 6, [64, 64, 64], mutant="unlocked", url=url())
+    counts = {name: outcome.to_json() for name, outcome in outcomes.items()}
+    test = f"F13 simultaneous starts, {'SQLite' if server is None else 'PostgreSQL with two workers'}"
+    print(evidence(test, counts, starts=sorted(set(rounds)), control={"unlocked": control.to_json()}), flush=True)
+    return all(outcome.is_clean for outcome in outcomes.values()) and control.spread > 1
 
 
 if __name__ == "__main__":

@@ -1,30 +1,33 @@
 """The program without one of its protections, as a control: `python -m tests.faults.mutants NAME serve ...`."""
 
+import os
 import secrets
 import sqlite3
 import sqlite3.dbapi2
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, nullcontext
 from datetime import datetime
 from functools import partial
-from typing import Any, cast
+from typing import Any, NoReturn, cast
 from unittest import mock
 
+from gunicorn.app import wsgiapp
 from sqlalchemy import Connection
 
+from webapp import app
 from webapp.cli import main
-from webapp.storage import answers, enrolment, ledger
-from webapp.storage.database import Database
+from webapp.storage import answers, enrolment, helping, ledger, participants, researchers
+from webapp.storage.database import Database, UnavailableError
 from webapp.storage.group_commit import GroupCommit
 from webapp.storage.ledger import Allocation
 from webapp.storage.participants import Participant
 from webapp.study import session
 from webapp.study.draws import Draws
 from webapp.study.session import Page
-from webapp.views import arrival, forms, participant
+from webapp.views import arrival, forms, participant, visit
 
 _LATE_S = 0.05
 
@@ -77,9 +80,9 @@ def naive() -> Iterator[None]:
     def upgrade(database: Database) -> None:
         real_upgrade(database)
         with database._turns.alone(), database.edition.writing() as connection:
-            for table in ("ratings", "pages"):
+            for table in ("ratings", "predictions", "drives", "events", "pages"):
                 connection.exec_driver_sql(f"CREATE TABLE plain AS SELECT * FROM {table}")  # noqa: S608
-                connection.exec_driver_sql(f"DROP TABLE {table}")
+                connection.exec_driver_sql(f"DROP TABLE {table}" + (" CASCADE" if database.url else ""))
                 connection.exec_driver_sql(f"ALTER TABLE plain RENAME TO {table}")
 
     def store(*given: Any) -> object:  # noqa: ANN401
@@ -119,8 +122,74 @@ def cached() -> Iterator[None]:
         yield
 
 
-MUTANTS = {"unlocked": unlocked, "hasty": hasty, "naive": naive, "unsynced": unsynced, "cached": cached}
+@contextmanager
+def own_key() -> Iterator[None]:
+    """Let what browsers show mean something to this process alone, as a cookie does that a key of its own signs."""
+    key = secrets.token_bytes(32)
+
+    def own_hash(token: str) -> str:
+        return participants.hash_token(f"{key.hex()} {token}")
+
+    with ExitStack() as stack:
+        for module in (arrival, helping, researchers, visit):
+            stack.enter_context(mock.patch.object(module, "hash_token", own_hash))
+        stack.enter_context(mock.patch.object(app, "secret_key", return_value=key))
+        yield
+
+
+@contextmanager
+def careless() -> Iterator[None]:
+    """Acknowledge a page whatever became of it."""
+    real_store = answers.store_page
+
+    def store(*given: Any) -> object:  # noqa: ANN401
+        try:
+            return real_store(*given)
+        except UnavailableError:
+            return "accept"
+
+    with mock.patch.object(participant, "store_page", store):
+        yield
+
+
+@contextmanager
+def open_gates() -> Iterator[None]:
+    """Start beside another server, with debugging, and on tables of any version."""
+    with (
+        mock.patch.object(app, "only_server", return_value=nullcontext()),
+        mock.patch.object(app, "refuse_debugging"),
+        mock.patch.object(Database, "check_version"),
+    ):
+        yield
+
+
+MUTANTS = {
+    "unlocked": unlocked,
+    "hasty": hasty,
+    "naive": naive,
+    "unsynced": unsynced,
+    "cached": cached,
+    "own_key": own_key,
+    "careless": careless,
+    "open_gates": open_gates,
+}
+
+
+def _run(name: str) -> None:
+    real_execve = os.execve
+
+    def execve(path: str, command: list[str], environment: Mapping[str, str]) -> NoReturn:
+        """Become this program again where `xar serve --workers` becomes gunicorn, whose processes then inherit it."""
+        module = command.index("-m") + 1
+        real_execve(path, [*command[:module], "tests.faults.mutants", name, *command[module:]], environment)
+
+    with MUTANTS[name](), mock.patch.object(os, "execve", execve):
+        if sys.argv[1] == "gunicorn":
+            del sys.argv[1]
+            wsgiapp.run()
+        else:
+            main(prog_name="xar")
+
 
 if __name__ == "__main__":
-    with MUTANTS[sys.argv.pop(1)]():
-        main(prog_name="xar")
+    _run(sys.argv.pop(1))

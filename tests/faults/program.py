@@ -26,19 +26,20 @@ class Program:
         num_kills: How often it, or a part of it, was killed.
     """
 
-    def __init__(self, instance: Path, mutant: str | None = None, **settings: str) -> None:
+    def __init__(self, instance: Path, mutant: str | None = None, prefix: Sequence[str] = (), **settings: str) -> None:
         """Get ready to start.
 
         Args:
             instance: Its folder.
             mutant: Which of `mutants` to run in its place.
+            prefix: What stands before the command and becomes the program.
             settings: More environment variables.
         """
         self.port = free_port()
         self.log = instance.with_name(f"{instance.name}.log")
         self.num_kills = 0
         program: Sequence[str] = XAR if mutant is None else (sys.executable, "-m", "tests.faults.mutants", mutant)
-        self._command: list[str | Path] = [*program, "serve", "--port", str(self.port)]
+        self._command: list[str | Path] = [*prefix, *program, "serve", "--port", str(self.port)]
         self._environment = environment(instance, **settings)
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -59,6 +60,20 @@ class Program:
             assert time.monotonic() < ends_at, f"the server did not start within {_STARTS_WITHIN_S} s"
             time.sleep(0.02)
 
+    def restart(self) -> None:
+        """Stop it as one does, and start it again."""
+        self.stop()
+        self.start()
+
+    def reload(self) -> None:
+        """Let gunicorn replace its workers one after the other, as after an update, and return when it has."""
+        before = set(self.workers())
+        os.kill(self.pid, signal.SIGHUP)
+        ends_at = time.monotonic() + _STARTS_WITHIN_S
+        while before & set(self.workers()):
+            assert time.monotonic() < ends_at, f"the workers were not replaced within {_STARTS_WITHIN_S} s"
+            time.sleep(0.05)
+
     @property
     def pid(self) -> int:
         """Its process."""
@@ -74,14 +89,17 @@ class Program:
 
     def kill_worker(self, rng: random.Random) -> None:
         """Kill one of its worker processes, or all of it where it has none."""
-        assert self._process is not None
-        workers = Path(f"/proc/{self._process.pid}/task/{self._process.pid}/children").read_text().split()
+        workers = self.workers()
         if workers:
             os.kill(int(rng.choice(workers)), signal.SIGKILL)
             self.num_kills += 1
         else:
             self.kill()
             self.start()
+
+    def workers(self) -> list[str]:
+        """Return the processes that it has started."""
+        return Path(f"/proc/{self.pid}/task/{self.pid}/children").read_text(encoding="ascii").split()
 
     def stop(self) -> None:
         """Stop it as one does."""
@@ -95,9 +113,11 @@ class Program:
 
 
 @contextmanager
-def running(instance: Path, mutant: str | None = None, **settings: str) -> Iterator[Program]:
+def running(
+    instance: Path, mutant: str | None = None, prefix: Sequence[str] = (), **settings: str
+) -> Iterator[Program]:
     """Run the server for as long as the context lasts."""
-    program = Program(instance, mutant, **settings)
+    program = Program(instance, mutant, prefix, **settings)
     program.start()
     try:
         yield program

@@ -1,6 +1,8 @@
 """The floors of what the program needs are not below the versions in which known faults were mended."""
 
 import re
+import subprocess
+import sys
 import tomllib
 
 import pytest
@@ -50,3 +52,31 @@ def test_what_is_locked_is_not_below_its_floor(name: str) -> None:
 def test_versions_are_compared_by_their_numbers() -> None:
     assert version("3.1.10") > version("3.1.9")
     assert version("13") == version("13.0.0") > version("12.3")
+
+
+def test_workers_load_nothing_of_the_parser_that_an_advisory_is_about() -> None:
+    """CVE-2026-134820 is in `gunicorn.asgi`; what reads requests for our workers is `gunicorn.http`."""
+    kind = re.search(
+        r'^worker_class = "(\w+)"', (ROOT / "webapp/gunicorn_settings.py").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert kind is not None
+    told = {name: _loaded(name) for name in (kind[1], "gasgi")}
+    assert "gunicorn.http.message" in told["gthread"]
+    assert "gunicorn.asgi" not in told["gthread"]
+    # The control: a worker that has that parser.
+    assert "gunicorn.asgi" in told["gasgi"]
+
+
+def test_no_text_is_drawn_with_pillow() -> None:
+    """CVE-2026-112893 is of text with an outline."""
+    texts = {path.name: path.read_text(encoding="utf-8") for path in sorted((ROOT / "webapp").rglob("*.py"))}
+    used = [name for name, text in texts.items() if "PIL" in text]
+    drawn = [name for name in used if re.search(r"ImageFont|\.(multiline_)?text\(", texts[name])]
+    assert len(used) >= 3
+    assert drawn == []
+
+
+def _loaded(worker: str) -> str:
+    """Return the modules of gunicorn that a process holds with a kind of worker."""
+    code = f"import sys, gunicorn.arbiter, gunicorn.app.wsgiapp, gunicorn.workers.{worker}; print(sorted(sys.modules))"
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

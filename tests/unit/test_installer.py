@@ -11,7 +11,7 @@ import pytest
 from tests.conftest import ROOT
 
 SCRIPT = ROOT / ".ci/install.py"
-PROGRAMS = ("nginx", "openssl", "strace", "systemd-analyze")
+PROGRAMS = ("nginx", "openssl", "strace", "fiu-ctrl", "systemd-analyze")
 
 
 def install(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:

@@ -9,7 +9,14 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-XAR = (sys.executable, "-c", "from webapp.cli import main; main(prog_name='xar')")
+_MUTANT = os.environ.get("XAR_TEST_MUTANT")
+"""Which of `tests.faults.mutants` runs in place of the program, where a control of tests in the browser wants one."""
+
+XAR = (
+    (sys.executable, "-c", "from webapp.cli import main; main(prog_name='xar')")
+    if _MUTANT is None
+    else (sys.executable, "-m", "tests.faults.mutants", _MUTANT)
+)
 
 
 def environment(instance: Path, **settings: str) -> Mapping[str, str]:

@@ -5,7 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,9 +14,8 @@ from werkzeug.test import TestResponse
 
 from tests.conftest import ROOT
 from tests.unit.stimuli.study_folders import change, nobody, quietly
-from tests.web.people import Clock, Visitor, hidden_nonce
+from tests.web.people import Visitor, hidden_nonce
 from tests.web.reading import ask
-from webapp.app import create_app
 from webapp.config import Config
 from webapp.stimuli.build import build
 from webapp.stimuli.catalogue import Catalogue
@@ -41,10 +40,8 @@ def instance(built: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def app(instance: Path) -> Iterator[Flask]:
-    served = create_app(Config(instance, study="own_world"), clock=Clock())
-    yield served
-    services_of(served).database.close()
+def app(instance: Path, start_app: Callable[[Config], Flask]) -> Flask:
+    return start_app(Config(instance, study="own_world"))
 
 
 @pytest.fixture
@@ -112,7 +109,7 @@ def test_every_kind_is_shown_in_every_world(app: Flask, catalogue: Catalogue, in
         met |= set(walker.trials)
     kinds, layouts = ("subgoals", "turns", "tailored_all"), ("strait", "sea", "lake")
     assert met == {(layout, kind) for layout in layouts for kind in kinds}
-    ends = ask(instance, "SELECT DISTINCT layout, end, num_steps = optimum FROM drives ORDER BY layout")
+    ends = ask(instance, 'SELECT DISTINCT layout, "end", num_steps = optimum FROM drives ORDER BY layout')
     assert ends == [("bay", "reached", 1), ("lake", "reached", 1), ("sea", "reached", 1), ("strait", "reached", 1)]
     predicted = ask(instance, "SELECT DISTINCT predicted FROM predictions ORDER BY predicted")
     assert predicted == [("left",), ("west",)]
@@ -147,7 +144,7 @@ def test_pictures_and_words_of_an_own_kind_are_those_of_its_steps(catalogue: Cat
 def test_falling_into_a_hole_ends_a_drive_without_the_goal(app: Flask, catalogue: Catalogue, instance: Path) -> None:
     walker = Walker(app, catalogue, instance)
     walker.walk(lambda layout: INTO_A_HOLE if layout == "lake" else walker.own_way(layout))
-    rows = ask(instance, "SELECT end, num_steps, key_points != '' FROM drives WHERE layout = 'lake'")
+    rows = ask(instance, "SELECT \"end\", num_steps, key_points != '' FROM drives WHERE layout = 'lake'")
     assert set(rows) == {("failed", 2, 1)}
     assert any("It ended before the goal." in page for page in walker.seen)
 

@@ -2,22 +2,20 @@
 
 import os
 import random
-import resource
 import shutil
-import sqlite3
 import subprocess
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from tests.faults.client import Browser, send_page, take_part
+from tests.faults.disk_full import limited
 from tests.faults.flushes import watch
+from tests.faults.lock import race
 from tests.faults.oracle import Ledger, judge, stored_sheets
-from tests.faults.program import Program, running
+from tests.faults.program import running
 from tests.web.bundles import read_study, write_bundle
 from tests.web.people import filled
 from tests.web.servers import XAR, environment
@@ -32,22 +30,14 @@ def instance(tmp_path: Path) -> Path:
     return folder
 
 
-@contextmanager
-def full_disk(program: Program) -> Iterator[None]:
-    """Let no file of the server grow beyond a few bytes: every write to database and journal then fails."""
-    before = resource.prlimit(program.pid, resource.RLIMIT_FSIZE)
-    resource.prlimit(program.pid, resource.RLIMIT_FSIZE, (512, before[1]))
-    yield
-    resource.prlimit(program.pid, resource.RLIMIT_FSIZE, before)
-
-
+@pytest.mark.sqlite_only(reason="the program itself writes SQLite's file")
 def test_on_a_full_disk_people_are_asked_to_try_again_and_nothing_is_lost(instance: Path) -> None:
     ledger, rng = Ledger(), random.Random(1)
     with running(instance) as program:
         browsers = [Browser(program.port) for _ in range(4)]
         for browser in browsers:
             take_part(browser, ledger, rng, last=2)
-        with full_disk(program):
+        with limited(program):
             for browser in browsers:
                 form = filled(3, browser.nonce_of("/study/3"))
                 for _ in range(2):
@@ -86,44 +76,17 @@ def test_a_read_only_folder_is_refused_at_the_start_in_one_line(instance: Path) 
     assert "Traceback" not in finished.stderr
 
 
-def send_twice_while_the_database_is_held(instance: Path, mutant: str | None) -> tuple[set[int], int, str]:
-    """Send a page from two tabs that wait for the same lock; return the statuses, the rows and the place after it."""
-    with running(instance, mutant) as program:
-        browser = Browser(program.port)
-        take_part(browser, Ledger(), random.Random(1), last=2)
-        form = filled(3, browser.nonce_of("/study/3"))
-        tabs = [Browser(program.port, cookies=dict(browser.cookies)) for _ in range(2)]
-        statuses: list[int] = []
-
-        def send(tab: Browser) -> None:
-            statuses.append(tab.ask_once("/study/3", form)[0])
-            tab.close()
-
-        with closing(sqlite3.connect(instance / "xar.sqlite3", isolation_level=None)) as other:
-            other.execute("BEGIN IMMEDIATE")
-            threads = [threading.Thread(target=send, args=(tab,)) for tab in tabs]
-            for thread in threads:
-                thread.start()
-            time.sleep(0.5)  # Both have been read by now, and wait.
-            assert statuses == []
-            other.execute("ROLLBACK")
-            for thread in threads:
-                thread.join()
-            (rows,) = other.execute("SELECT count(*) FROM pages WHERE number >= 3").fetchone()
-        place = str(browser.ask("/study")[1]["Location"])
-        browser.close()
-    return set(statuses), rows, place
+def test_two_requests_that_wait_for_the_same_lock_make_one_step(tmp_path: Path) -> None:
+    outcome = race(tmp_path / "instance", 2, url=os.environ.get("DATABASE_URL"))
+    assert outcome.is_clean, outcome
 
 
-def test_two_requests_that_wait_for_the_same_lock_make_one_step(instance: Path) -> None:
-    assert send_twice_while_the_database_is_held(instance, None) == ({303}, 1, "/study/4")
+def test_a_program_that_decides_by_what_it_knew_before_the_lock_is_found_out(tmp_path: Path) -> None:
+    outcome = race(tmp_path / "instance", 1, mutant="cached", url=os.environ.get("DATABASE_URL"))
+    assert 500 in outcome.statuses
 
 
-def test_a_program_that_decides_by_what_it_knew_before_the_lock_is_found_out(instance: Path) -> None:
-    statuses, _, _ = send_twice_while_the_database_is_held(instance, "cached")
-    assert 500 in statuses
-
-
+@pytest.mark.sqlite_only(reason="the program itself flushes SQLite's file")
 def test_every_page_is_flushed_to_disk_before_it_is_answered(tmp_path: Path) -> None:
     assert watch(tmp_path / "real", 2) == (22, 22)
     assert watch(tmp_path / "unsynced", 2, mutant="unsynced") == (22, 0)

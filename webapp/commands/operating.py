@@ -114,7 +114,7 @@ def migrate(*, no_backup: bool) -> None:
 
 def backup_folder(config: "Config") -> Path:
     """Return where backups go unless told otherwise."""
-    return Path(os.environ.get("XAR_BACKUPS") or config.instance / "backups")
+    return config.backup_folder
 
 
 def _back_up(config: "Config", folder: Path, *, with_secret_key: bool) -> "tuple[Path, Manifest]":

@@ -7,7 +7,7 @@ from datetime import datetime
 from sqlalchemy import Connection, Table, bindparam, insert, select, update
 
 from webapp.storage.ledger import resume_slot
-from webapp.storage.participants import Participant
+from webapp.storage.participants import LATEST_SIGN, Participant
 from webapp.storage.tables import (
     answers,
     drive_steps,
@@ -26,7 +26,7 @@ from webapp.study.session import Page
 # Every page that is sent needs these; putting them together takes longer than asking.
 _INSERTS = {table: insert(table) for table in (answers, drive_steps, drives, events, pages, predictions, ratings)}
 _OF_PAGES = frozenset({ratings, predictions, drives, events})
-_TOUCH = update(participants).where(participants.c.id == bindparam("whose"))
+_TOUCH = update(participants).where(participants.c.id == bindparam("whose")).values(last_seen_at=LATEST_SIGN)
 _TRIAL_NUMBER = select(trials.c.number).where(
     trials.c.participant_id == bindparam("whose"),
     trials.c.experiment == bindparam("experiment"),
@@ -71,7 +71,7 @@ def insert_answers(
 
 def touch(connection: Connection, participant: Participant, now: datetime, **changes: datetime | None) -> None:
     """Note a sign of life; the place of somebody who comes back late counts again."""
-    connection.execute(_TOUCH, {"whose": participant.id, "last_seen_at": now, **changes})
+    connection.execute(_TOUCH, {"whose": participant.id, "now": now, **changes})
     if participant.slot_released_at is not None:
         resume_slot(connection, participant.scope, participant.subject, now)
 

@@ -17,6 +17,7 @@ FORMAT = 1
 """Raised when manifests of an earlier program can no longer be read."""
 SQLITE_SUFFIX = ".sqlite3"
 POSTGRESQL_SUFFIX = ".pgdump"
+_SUFFIXES = (SQLITE_SUFFIX, POSTGRESQL_SUFFIX)
 KEY_SUFFIX = ".secret_key"
 PREFIX = "xar-"
 _CHUNK_BYTES = 1 << 20
@@ -132,7 +133,7 @@ def complete_backups(folder: Path, database: str | None = None) -> Iterator[tupl
         database: Of this database alone, as its manifest names it; None for all.
     """
     found = []
-    for suffix in (SQLITE_SUFFIX, POSTGRESQL_SUFFIX):
+    for suffix in _SUFFIXES:
         for path in folder.glob(f"{PREFIX}*{suffix}"):
             try:
                 manifest = read_manifest(path)
@@ -141,6 +142,28 @@ def complete_backups(folder: Path, database: str | None = None) -> Iterator[tupl
             if database in {None, manifest.database}:
                 found.append((path, manifest))
     yield from sorted(found, key=lambda one: (one[1].made_at, one[0].name))
+
+
+def newest_backup(folder: Path, database: str) -> Manifest | None:
+    """Return the manifest of the newest backup of a database, or None if there is none that can be read.
+
+    The names of backups begin with their times, so that only the newest files are looked at.
+    """
+    try:
+        names = sorted((path for path in folder.glob(f"{PREFIX}*.json")), key=lambda path: path.name, reverse=True)
+    except OSError:  # The folder belongs to somebody else.
+        return None
+    for path in names:
+        backup = next((found for suffix in _SUFFIXES if (found := path.with_suffix(suffix)).exists()), None)
+        if backup is None:
+            continue
+        try:
+            manifest = read_manifest(backup)
+        except BackupError:
+            continue
+        if manifest.database == database:
+            return manifest
+    return None
 
 
 def digest(path: Path) -> str:

@@ -24,10 +24,14 @@ _COLUMNS = ("allocated", "left", "screened", "unfinished", "completed", "exclude
 _FIRST_COLUMN = 235
 _MOST_ARRANGEMENTS = 12
 """A flow with more of them has rows of one or two people: they are left to the table in the data set."""
-_STYLE = (
-    "text{font:15px system-ui,sans-serif;fill:#1a1a1a}.head{font-weight:600}.small{font-size:13px}"
-    "rect{fill:#fff;stroke:#1a1a1a;stroke-width:1.2}line{stroke:#1a1a1a;stroke-width:1.2}.rule{stroke:#aaa}"
-)
+# Attributes and no styles: where the server shows the figure as a page, the page's policy allows none within it.
+_INK = "#1a1a1a"
+_PAPER = 'fill="#fff"'
+_STROKE = f'stroke="{_INK}" stroke-width="1.2"'
+_RULE = 'stroke="#aaa" stroke-width="1.2"'
+_TEXT = f'font-family="system-ui, sans-serif" font-size="15" fill="{_INK}"'
+_HEAD = ' font-weight="600"'
+_SMALL = ' font-size="13"'
 
 
 def draw_flows(flows: Sequence[Flow]) -> str:
@@ -43,13 +47,12 @@ def draw_flows(flows: Sequence[Flow]) -> str:
     return "\n".join(
         [
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {y}" width="{_WIDTH}" height="{y}"',
-            ' role="img" aria-labelledby="title desc">',
+            f' role="img" aria-labelledby="title desc" {_TEXT}>',
             '<title id="title">Flow of participants</title>',
             f'<desc id="desc">{_escape(told)}</desc>',
-            f"<style>{_STYLE}</style>",
             '<defs><marker id="arrow" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="8" markerHeight="8"',
-            ' orient="auto"><path d="M0 0 8 4 0 8z" fill="#1a1a1a"/></marker></defs>',
-            f'<rect x="0" y="0" width="{_WIDTH}" height="{y}" style="stroke:none"/>',
+            f' orient="auto"><path d="M0 0 8 4 0 8z" fill="{_INK}"/></marker></defs>',
+            f'<rect x="0" y="0" width="{_WIDTH}" height="{y}" {_PAPER}/>',
             *parts,
             "</svg>",
             "",
@@ -61,7 +64,7 @@ def _draw(parts: list[str], flow: Flow, y: int) -> int:
     """Draw a flow below `y`, and return where it ends."""
     scope, counts = flow.scope, flow.everybody
     title = f"{scope.study}, version {scope.study_version[:12]}, mode {scope.mode}"
-    parts.append(_text(_LEFT, y + _LINE, title, "head"))
+    parts.append(_text(_LEFT, y + _LINE, title, _HEAD))
     y += 2 * _LINE
     dropped = [f"{_WORDS[fate]} (n = {counts.fates[fate]})" for fate in FATES[:-1]]
     if counts.included:
@@ -75,7 +78,7 @@ def _draw(parts: list[str], flow: Flow, y: int) -> int:
     y = _step(parts, y, [f"Analysed (n = {counts.analysed})", *among])
     if flow.num_erased:
         told = f"Besides these, everything of {flow.num_erased} who had agreed was erased at their own wish."
-        parts.append(_text(_LEFT, y + _GAP, told, "small"))
+        parts.append(_text(_LEFT, y + _GAP, told, _SMALL))
         y += _LINE
     return _tables(parts, flow, y + _GAP)
 
@@ -95,18 +98,18 @@ def _aside(parts: list[str], y: int, head: str, lines: Sequence[str]) -> int:
     wrapped = [head, *(piece for line in unbroken for piece in textwrap.wrap(line, 50, subsequent_indent="    "))]
     end = _box(parts, x, y + _GAP // 2, _SIDE, wrapped)
     beside = (y + _GAP // 2 + end) // 2
-    parts.append(f'<line x1="{middle}" y1="{y}" x2="{middle}" y2="{end}"/>')
+    parts.append(f'<line x1="{middle}" y1="{y}" x2="{middle}" y2="{end}" {_STROKE}/>')
     parts.append(_arrow(middle, beside, x, beside))
     return end
 
 
 def _box(parts: list[str], x: int, y: int, width: int, lines: Sequence[str]) -> int:
     height = len(lines) * _LINE + 16
-    parts.append(f'<rect x="{x}" y="{y}" width="{width}" height="{height}"/>')
+    parts.append(f'<rect x="{x}" y="{y}" width="{width}" height="{height}" {_PAPER} {_STROKE}/>')
     for number, line in enumerate(lines):
         indent = len(line) - len(line.lstrip())
-        style = "head" if number == 0 else ""
-        parts.append(_text(x + 14 + 4 * indent, y + 8 + 15 + number * _LINE, line.strip(), style))
+        look = _HEAD if number == 0 else ""
+        parts.append(_text(x + 14 + 4 * indent, y + 8 + 15 + number * _LINE, line.strip(), look))
     return y + height
 
 
@@ -115,7 +118,7 @@ def _tables(parts: list[str], flow: Flow, y: int) -> int:
     are_few = len(flow.arrangements) <= _MOST_ARRANGEMENTS
     if not are_few:
         told = f"The numbers of the {len(flow.arrangements)} arrangements of kinds are in consort.csv of the data set."
-        parts.append(_text(_LEFT, y + 15, told, "small"))
+        parts.append(_text(_LEFT, y + 15, told, _SMALL))
         y += 2 * _LINE
     for experiment in sorted({key[0] for key in flow.kinds}):
         rows = [
@@ -135,16 +138,16 @@ def _tables(parts: list[str], flow: Flow, y: int) -> int:
 def _table(parts: list[str], head: str, rows: Sequence[tuple[str, Counts]], y: int) -> int:
     width = (_WIDTH - 2 * _LEFT - _FIRST_COLUMN) // len(_COLUMNS)
     ends = [_LEFT + _FIRST_COLUMN + width * (number + 1) for number in range(len(_COLUMNS))]
-    parts.append(_text(_LEFT, y + 15, head, "head small"))
+    parts.append(_text(_LEFT, y + 15, head, _HEAD + _SMALL))
     y += _LINE
-    parts += [_text(x, y + 15, name, "head small", anchor="end") for x, name in zip(ends, _COLUMNS, strict=True)]
+    parts += [_text(x, y + 15, name, _HEAD + _SMALL, anchor="end") for x, name in zip(ends, _COLUMNS, strict=True)]
     y += _LINE
     for name, counts in rows:
         lines = textwrap.wrap(name, 32, subsequent_indent="    ") or [""]
-        parts.append(f'<line class="rule" x1="{_LEFT}" y1="{y + 2}" x2="{_WIDTH - _LEFT}" y2="{y + 2}"/>')
+        parts.append(f'<line x1="{_LEFT}" y1="{y + 2}" x2="{_WIDTH - _LEFT}" y2="{y + 2}" {_RULE}/>')
         for number, line in enumerate(lines):
-            parts.append(_text(_LEFT, y + 17 + number * _LINE, line, "small"))
-        parts += [_text(x, y + 17, str(n), "small", anchor="end") for x, n in zip(ends, _numbers(counts), strict=True)]
+            parts.append(_text(_LEFT, y + 17 + number * _LINE, line, _SMALL))
+        parts += [_text(x, y + 17, str(n), _SMALL, anchor="end") for x, n in zip(ends, _numbers(counts), strict=True)]
         y += len(lines) * _LINE
     return y
 
@@ -167,13 +170,12 @@ def _sentence(flow: Flow) -> str:
 
 
 def _arrow(x1: int, y1: int, x2: int, y2: int) -> str:
-    return f'<line x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}" marker-end="url(#arrow)"/>'
+    return f'<line x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}" {_STROKE} marker-end="url(#arrow)"/>'
 
 
-def _text(x: int, y: int, text: str, style: str = "", *, anchor: str = "start") -> str:
-    kind = f' class="{style}"' if style else ""
+def _text(x: int, y: int, text: str, look: str = "", *, anchor: str = "start") -> str:
     where = "" if anchor == "start" else f' text-anchor="{anchor}"'
-    return f'<text x="{x}" y="{y}"{kind}{where}>{_escape(text)}</text>'
+    return f'<text x="{x}" y="{y}"{look}{where}>{_escape(text)}</text>'
 
 
 def _escape(text: str) -> str:

@@ -5,7 +5,20 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, cast
 
-from sqlalchemy import ColumnElement, Connection, RowMapping, Select, bindparam, exists, func, or_, select, update
+from sqlalchemy import (
+    BindParameter,
+    ColumnElement,
+    Connection,
+    RowMapping,
+    Select,
+    bindparam,
+    case,
+    exists,
+    func,
+    or_,
+    select,
+    update,
+)
 
 from webapp.storage.database import Database
 from webapp.storage.records import PARTICIPANT, Entry, Subject, append
@@ -13,6 +26,10 @@ from webapp.storage.scope import Mode, Scope
 from webapp.storage.tables import page_restarts, pages, participant_tokens, participants, trials
 from webapp.study.experiments import Kind
 from webapp.study.session import Trial
+
+_NOW: BindParameter[datetime] = bindparam("now", type_=participants.c.last_seen_at.type)
+LATEST_SIGN = case((participants.c.last_seen_at > _NOW, participants.c.last_seen_at), else_=_NOW)
+"""The last sign of life where there is one `now`: a clock that was set back makes nobody silent for longer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +112,12 @@ def read_by_code(connection: Connection, code: str) -> Participant | None:
     return _read(connection, _BY_CODE, code)
 
 
+def has_participants(database: Database) -> bool:
+    """Tell whether anybody has taken part, in whatever study and mode."""
+    with database.read() as connection:
+        return connection.execute(select(participants.c.id).limit(1)).one_or_none() is not None
+
+
 def find_trials(database: Database, participant: Participant) -> tuple[Trial, ...]:
     """Return a participant's trials in order."""
     with database.read() as connection:
@@ -108,7 +131,7 @@ def read_trials(connection: Connection, participant: Participant) -> tuple[Trial
 
 def withdraw(database: Database, participant: Participant, now: datetime) -> None:
     """Note that a participant left for good; for whom the study is over already, nothing changes."""
-    changes = {"withdrawn_at": now, "last_seen_at": now}
+    changes = {"withdrawn_at": now, "last_seen_at": LATEST_SIGN}
     with database.write() as connection:
         result = connection.execute(
             update(participants)
@@ -118,7 +141,8 @@ def withdraw(database: Database, participant: Participant, now: datetime) -> Non
                 participants.c.withdrawn_at.is_(None),
                 participants.c.screened_out_at.is_(None),
             )
-            .values(changes)
+            .values(changes),
+            {"now": now},
         )
         if result.rowcount:
             append(connection, Entry(now, PARTICIPANT, "withdrew", participant.scope, participant.subject))

@@ -11,9 +11,9 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import URL, Connection, Engine, StaticPool, create_engine, event
+from sqlalchemy import URL, Connection, Engine, ExceptionContext, StaticPool, create_engine, event
 
-from webapp.storage.editions import DatabaseError
+from webapp.storage.editions import DatabaseError, UnavailableError
 
 BUSY_TIMEOUT_S = 10
 """How long a connection waits for another process that holds the database."""
@@ -113,6 +113,12 @@ def _engine(path: Path, *, writes: bool) -> Engine:
             connection.execute(f"PRAGMA {pragma}").close()
         if not writes:
             connection.execute("PRAGMA query_only=ON").close()
+
+    @event.listens_for(engine, "handle_error")
+    def _tell(context: ExceptionContext) -> None:
+        # SQLite calls a page damaged that the disk did not give; another time it may, and if not, `doctor` finds out.
+        if type(context.original_exception) is sqlite3.DatabaseError:
+            raise UnavailableError(context.statement, None, context.original_exception)
 
     @event.listens_for(engine, "begin")
     def _begin(connection: Connection) -> None:

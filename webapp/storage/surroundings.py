@@ -82,28 +82,32 @@ def secret_key(instance: Path) -> Finding:
 
 def place(instance: Path, mounts: Path = Path("/proc/mounts")) -> list[Finding]:
     """Check that the instance lies on a disk of this machine, and in no folder that something else rewrites."""
-    found = []
+    found = shared_place(instance, mounts)
     real = instance.resolve()
-    if _SYNCED.search(str(real)):
-        told = f"{real} looks like a folder that is synchronised"
-        found.append(
-            Finding(
-                "place", "problem", told, "a program that copies the files while they change destroys them; move it"
-            )
-        )
     kind = _file_system(real, mounts)
-    if kind is not None and _NETWORK.match(kind):
-        told = f"{real} is on a network or user-space file system ({kind})"
-        found.append(
-            Finding("place", "problem", told, "locks and syncs cannot be relied on there; use a disk of this machine")
-        )
-    elif kind in _IN_MEMORY:
+    if kind in _IN_MEMORY:
         told = f"{real} is in memory ({kind})"
         found.append(Finding("place", "problem", told, "all of it is lost when the machine stops; use a disk"))
     elif kind == "overlay":
         told = f"{real} is on a container's own layer"
         found.append(Finding("place", "warning", told, "it goes with the container; put it on a volume"))
     return worst("place", found, f"on a disk of this machine ({kind or 'unknown file system'})")
+
+
+def shared_place(instance: Path, mounts: Path = Path("/proc/mounts")) -> list[Finding]:
+    """Check that nothing but this machine writes to the instance; return what is wrong."""
+    found = []
+    real = instance.resolve()
+    if _SYNCED.search(str(real)):
+        told = f"{real} looks like a folder that is synchronised"
+        wish = "a program that copies the files while they change destroys them; move it"
+        found.append(Finding("place", "problem", told, wish))
+    kind = _file_system(real, mounts)
+    if kind is not None and _NETWORK.match(kind):
+        told = f"{real} is on a network or user-space file system ({kind})"
+        wish = "locks and syncs cannot be relied on there; use a disk of this machine"
+        found.append(Finding("place", "problem", told, wish))
+    return found
 
 
 def left_behind(database: Path, *, is_served: bool) -> list[Finding]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Connection, FromClause, func, select
+from sqlalchemy import Connection, FromClause, func, select, tuple_
 
 from webapp.storage.records import PARTICIPANT, Subject
 from webapp.storage.tables import (
@@ -43,7 +43,8 @@ class Vouched:
     def take(self, row: _Row, told: _Row) -> None:
         """Take the next record about the participant."""
         if row["actor"] == PARTICIPANT:
-            self._last_sign = row["at"]
+            # Not the last one's: the clock may have been set back in between.
+            self._last_sign = row["at"] if self._last_sign is None else max(self._last_sign, row["at"])
         match row["action"]:
             case "consented":
                 self.has_consented = True
@@ -118,7 +119,10 @@ _TABLES: Mapping[str, FromClause] = {
 def stored_problems(connection: Connection, people: Mapping[str, Vouched]) -> Iterator[str]:
     """Yield what is stored of participants and does not go with what was recorded."""
     counts = {kind: _counts(connection, table) for kind, table in _TABLES.items()}
-    query = select(pages.c.participant_id, func.max(pages.c.submitted_at)).group_by(pages.c.participant_id)
+    # The last by number: by time it may be another, where the clock was set back.
+    last = select(pages.c.participant_id, func.max(pages.c.number)).group_by(pages.c.participant_id)
+    key = tuple_(pages.c.participant_id, pages.c.number)
+    query = select(pages.c.participant_id, pages.c.submitted_at).where(key.in_(last))
     last_pages = dict(tuple(row) for row in connection.execute(query))
     rows = {row["id"]: dict(row) for row in connection.execute(select(participants)).mappings()}
     for vouched in people.values():

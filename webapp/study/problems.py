@@ -4,6 +4,7 @@ import difflib
 import re
 import tomllib
 import typing
+import unicodedata
 from collections.abc import Iterable, Sequence
 from datetime import date, time
 
@@ -25,6 +26,9 @@ MAX_BYTES = 256 * 1024
 
 _MANY_PARTS = re.compile(r"(?m)^\s*\[*(?:[^.=\n\"'#]*\.){40}")
 
+_UNSEEN = frozenset({"Cc", "Cf", "Co", "Cs", "Zl", "Zp"})
+"""The categories of Unicode's control characters, marks of direction and ends of lines."""
+
 _KEY = r"""(?:"[^"]*"|'[^']*'|[A-Za-z0-9_-]+)"""
 """One part of a TOML key."""
 
@@ -37,8 +41,17 @@ class StudyError(ValueError):
     """
 
     def __init__(self, problems: Iterable[str]) -> None:
-        self.problems = tuple(problems)
+        self.problems = tuple(_visible(problem) for problem in problems)
         super().__init__("\n".join(self.problems))
+
+
+def _visible(problem: str) -> str:
+    """Return a line without what would end it, move a terminal's cursor or turn its text round, as keys may hold it."""
+    return "".join(_escaped(letter) if unicodedata.category(letter) in _UNSEEN else letter for letter in problem)
+
+
+def _escaped(letter: str) -> str:
+    return letter.encode("unicode_escape").decode("ascii")
 
 
 def located(text: str, source: str, path: Path, message: str) -> str:

@@ -105,7 +105,8 @@ def fill(text: str, parameters: Mapping[str, object], key: str) -> str:
             raise MissingTextError(f"the text {key!r} needs the parameter {match[1]!r}")
         return str(parameters[match[1]])
 
-    return _PARAMETER.sub(value, text)
+    # Most texts have none, and a page has many.
+    return _PARAMETER.sub(value, text) if "{" in text else text
 
 
 def parse_texts(text: str, language: str, source: str) -> Texts:

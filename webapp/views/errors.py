@@ -41,6 +41,7 @@ DOMAIN_ERRORS: dict[type[Exception], ErrorPage] = {
     StudyChangedError: ErrorPage(410, "error_pages.study_changed_title", "error_pages.study_changed"),
     AlreadyTookPartError: ErrorPage(409, "took_part.title", "took_part.text"),
     UnavailableError: ErrorPage(503, "error_pages.busy_title", "error_pages.busy"),
+    OSError: ErrorPage(503, "error_pages.busy_title", "error_pages.busy"),  # The disk did not give a file, or no more.
 }
 
 _HTTP_ERRORS = {

@@ -5,6 +5,7 @@ from typing import Any, Literal
 from urllib.parse import urlsplit
 
 from flask import Flask, Response, abort, request
+from werkzeug.exceptions import SecurityError
 
 from webapp.config import Config
 
@@ -34,6 +35,7 @@ class CrossSiteError(PermissionError):
 
 def init_security(app: Flask, config: Config) -> None:
     """Check every request and complete every response of an app, whatever the route and the status."""
+    app.before_request(refuse_other_hosts)
     app.before_request(refuse_nul)
     app.before_request(refuse_other_sites)
     if config.https:
@@ -57,6 +59,16 @@ def _as_https(wsgi_app: Callable[..., Iterable[bytes]]) -> Callable[..., Iterabl
         return wsgi_app({**environ, "wsgi.url_scheme": "https"}, start_response)
 
     return answer
+
+
+def refuse_other_hosts() -> None:
+    """Refuse a name of the server that is not ours before anything else is: no page can be linked to from there.
+
+    Raises:
+        SecurityError: The request is for another host.
+    """
+    if isinstance(request.routing_exception, SecurityError):
+        raise request.routing_exception
 
 
 def refuse_nul() -> None:

@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from webapp.config import Config
 from webapp.stimuli.catalogue import BundleError, Catalogue, Picture
 from webapp.storage.database import Database
 from webapp.storage.live import LiveNumbers
+from webapp.storage.visits import RecentTrials
 
 _EXTENSION = "xar"
 
@@ -70,6 +71,7 @@ class Services:
         bundles: What is shown.
         secret: The instance's secret key.
         clock: Returns the time, with its zone.
+        recent_trials: The trials of participants who asked last.
     """
 
     config: Config
@@ -78,6 +80,7 @@ class Services:
     bundles: Bundles
     secret: bytes
     clock: Callable[[], datetime]
+    recent_trials: RecentTrials = field(default_factory=RecentTrials)
 
 
 def utc_now() -> datetime:

@@ -95,7 +95,7 @@ def load_visit() -> Visit:
     """
     here = services()
     token = request.cookies.get(cookie_name(here.config, "participant"))
-    stored = None if token is None else find_visit(here.database, hash_token(token))
+    stored = None if token is None else find_visit(here.database, hash_token(token), here.recent_trials)
     if stored is None or _admitted(stored.participant) is None:
         raise NoPlaceError("no participant belongs to this request")
     speak_as_before(stored.participant)

@@ -59,23 +59,26 @@ class Crowd:
         return 1000 * quantiles(taken, n=100, method="inclusive")[centile - 1]
 
 
-def send(plan: Plan, server_pid: int, num_generators: int = 1) -> Crowd:
+def send(plan: Plan, *server_pids: int, ports: Sequence[int] = ()) -> Crowd:
     """Send a crowd to a server and wait until it is through.
 
     Args:
         plan: What the people do. They are dealt out among the generators.
-        server_pid: The server's process, whose processor time is counted.
-        num_generators: How many processes play the people.
+        server_pids: The server's processes, whose processor time is counted, with that of their children.
+        ports: One generator sends its people to each of these; one sends all to the plan's port if there are none.
     """
-    before = footprint(server_pid).cpu_s
+    before = sum(footprint(pid).cpu_s for pid in server_pids)
+    ports = ports or (plan.port,)
+    num_generators = len(ports)
     plans = [
         replace(
             plan,
+            port=port,
             starts=plan.starts[place::num_generators],
             at_once=len(range(place, plan.at_once, num_generators)),
             seed=plan.seed * num_generators + place,
         )
-        for place in range(num_generators)
+        for place, port in enumerate(ports)
     ]
     command = [sys.executable, "-m", "tests.benchmarks.load.generator"]
     generators = [
@@ -96,7 +99,7 @@ def send(plan: Plan, server_pid: int, num_generators: int = 1) -> Crowd:
         seconds={kind: [second for part in told for second in part["seconds"][kind]] for kind in told[0]["seconds"]},
         took_s=max(part["took_s"] for part in told),
         generator_cpu_s=sum(part["cpu_s"] for part in told),
-        server_cpu_s=footprint(server_pid).cpu_s - before,
+        server_cpu_s=sum(footprint(pid).cpu_s for pid in server_pids) - before,
     )
 
 

@@ -12,6 +12,7 @@ from sqlalchemy import select
 
 from tests.benchmarks.load.studies import NAME
 from tests.web.servers import serving
+from webapp.config import Config
 from webapp.storage.database import open_database
 from webapp.storage.tables import participants, ratings
 
@@ -43,21 +44,32 @@ class Running:
 
 @contextmanager
 def serve_ours(built: Path, instance: Path, *words: str, **settings: str) -> Iterator[Running]:
-    """Serve a copy of a built instance on a new database."""
+    """Serve a copy of a built instance on a new database, with its tables made before, as `make run` does it.
+
+    The process that makes them keeps the package that does so in its memory.
+    """
     instance.mkdir()
     shutil.copytree(built / "bundles", instance / "bundles")
+    with open_database(Config(instance=instance, study=NAME, database_url=settings.get("DATABASE_URL"))):
+        pass
     with serving(instance, "--study", NAME, *words, **settings) as server:
         yield Running(server.port, server.process.pid, instance)
         server.stop()
 
 
-def stored_by_us(instance: Path) -> Answers:
-    """Return what the database holds, once the server has stopped; persons by the hash of their cookie."""
+def stored_by_us(instance: Path, url: str | None = None) -> Answers:
+    """Return what the database holds, once the server has stopped; persons by the hash of their cookie.
+
+    Args:
+        instance: The instance, with the SQLite edition's file.
+        url: The address of the PostgreSQL edition's database instead.
+    """
     found: dict[str, dict[tuple[str, str], str]] = {}
     query = select(participants.c.token_hash, ratings.c.page_number, ratings.c.item, ratings.c.rating).where(
         ratings.c.participant_id == participants.c.id
     )
-    with open_database(instance / "xar.sqlite3", make=False) as database, database.read() as connection:
+    place = Config(instance=instance, study=NAME, database_url=url)
+    with open_database(place, make=False) as database, database.read() as connection:
         for token_hash, page, item, rating in connection.execute(query):
             key = str(page), str(item)
             assert key not in found.setdefault(token_hash, {}), "a rating is there twice"

@@ -6,6 +6,8 @@ import pytest
 
 from tests import postgres
 from tests.unit.storage.exported import LATER, files_of, take_part, wanted_of
+from tests.unit.storage.people import NOW, enrol_somebody, walk
+from webapp.storage.backups import back_up
 from webapp.storage.database import Database, open_database
 from webapp.storage.dataset import export
 
@@ -48,3 +50,17 @@ def files(live: Database, tmp_path: Path) -> dict[str, bytes]:
     """What an export of it holds, by path."""
     export(live, tmp_path / "out", wanted_of(live), LATER)
     return files_of(tmp_path / "out")
+
+
+@pytest.fixture
+def people(database: Database) -> Database:
+    """A database of three people: one has finished, one is on page 4, one has only begun."""
+    for cookie, last in (("done", 11), ("half way", 3), ("begun", 0)):
+        walk(database, enrol_somebody(database, "live", cookie=cookie), last)
+    return database
+
+
+@pytest.fixture
+def backup(people: Database, tmp_path: Path) -> Path:
+    path, _ = back_up(people.path, tmp_path / "kept", NOW)
+    return path

@@ -7,10 +7,11 @@ from typing import Any
 from flask import jsonify, render_template
 from flask.typing import ResponseReturnValue
 
+from webapp.storage.condition import Condition, condition
 from webapp.storage.live_numbers import FunnelStep
 from webapp.storage.live_person_numbers import PeoplePage, PersonLine
 from webapp.views.researcher.charts import SHARES, time_axis
-from webapp.views.researcher.door import bp
+from webapp.views.researcher.door import bp, researcher
 from webapp.views.researcher.frame import head_as_json, look
 from webapp.views.researcher.words import PAGES, RULES, STATES, drop_out_words, seconds_words
 from webapp.views.services import services
@@ -28,6 +29,7 @@ def overview() -> ResponseReturnValue:
     numbers, balance = look().numbers_and_balance()
     return render_template(
         "researcher/overview.html",
+        server=_condition() if researcher().may("admin") else None,
         numbers=numbers,
         balance=balance,
         people=latest_people(),
@@ -56,6 +58,11 @@ def status() -> ResponseReturnValue:
         num_elsewhere=numbers.num_elsewhere,
         head=head_as_json(numbers.head),
     )
+
+
+def _condition() -> Condition:
+    here = services()
+    return condition(here.database, here.config.backup_folder, here.clock(), is_live=here.config.live)
 
 
 def latest_people() -> PeoplePage:
