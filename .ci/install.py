@@ -55,6 +55,8 @@ def main() -> int:
             install_browsers()
         if arguments.spreadsheet:
             install_spreadsheet()
+        if arguments.postgres:
+            install_postgres()
     except CannotInstall as problem:
         print(f"install: {problem}", file=sys.stderr)
         return 2

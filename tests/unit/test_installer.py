@@ -98,3 +98,12 @@ def test_the_stamp_follows_the_lock(tmp_path: Path) -> None:
     with (tmp_path / "constraints.txt").open("a", encoding="utf-8") as lock:
         lock.write("# another\n")
     assert fingerprint() != before
+
+
+def test_without_postgres_it_says_what_to_do_where_postgres_is_asked_for(ready: Path) -> None:
+    nowhere = {"PATH": str(ready), "XAR_POSTGRES": str(ready / "missing")}
+    assert install("--environment", str(ready), **nowhere).returncode == 0
+    finished = install("--environment", str(ready), "--postgres", **nowhere)
+    assert finished.returncode == 2
+    assert finished.stderr.startswith("install: the tests need PostgreSQL 13 or later (Debian, as root: ")
+    assert len(finished.stderr.splitlines()) == 1
