@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
+from tests.faults.oracle import bound, evidence
 from tests.unit.storage.people import enrol_somebody, send, walk
 from tests.web.servers import run
 from webapp.storage.backup_manifests import complete_backups, read_manifest, write_manifest
@@ -153,10 +154,18 @@ def _drill(folder: Path, num_backups: int, num_copies: int) -> int:
         write_manifest(copy, read_manifest(backups[-1][0]))
     found_out = sum(bool(verify(copy, folder / "check")[1]) for copy in copies)
     num_resumed = _resume(backups[-1][0], folder / "restored" / "xar.sqlite3")
-    print(f"backups {len(backups)}, of {len(acknowledged(ledger))} confirmed pages at the end")
-    print(f"problems {len(problems)}, lost {lost}, not a prefix {strangers}, never sent {ghosts}")
-    print(f"people who went on after the restore {num_resumed}")
-    print(f"control, copied with cp: refused {refused} of {num_copies}, with a manifest {found_out} of {num_copies}")
+    num_sent = len(acknowledged(ledger))
+    counts = {
+        "backups": len(backups),
+        "acknowledged at the end": num_sent,
+        "problems": len(problems),
+        "lost": lost,
+        "not a prefix": strangers,
+        "never sent": ghosts,
+        "went on after the restore": num_resumed,
+    }
+    control = {"copied with cp": num_copies, "refused": refused, "refused with a manifest": found_out}
+    print(evidence("backup while writing", counts, control=control, bound=bound(num_sent)))
     is_well = len(backups) == num_backups and not (problems or lost or strangers or ghosts)
     return 0 if is_well and num_resumed and refused == found_out == num_copies else 1
 

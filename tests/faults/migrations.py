@@ -22,6 +22,7 @@ from alembic import command
 from alembic.config import Config as AlembicConfig
 
 from tests.faults.killed_migration import migrate_counting
+from tests.faults.oracle import evidence
 from tests.unit.storage.people import NOW
 from tests.unit.storage.test_migrations import PEOPLE
 from webapp.storage.database import Database
@@ -175,10 +176,10 @@ def main() -> int:
         for revision in EARLIER:
             found = run(Path(folder) / revision, revision, PEOPLE, num_points)
             naive = run(Path(folder) / f"{revision}-naive", revision, PEOPLE, 20, is_naive=True)
-            told = ", ".join(f"{name} {found.count(name)}" for name in ("old", "new", "between", "changed"))
-            print(
-                f"{revision} to {NEWEST}, killed {len(found)} times: {told}; control: between {naive.count('between')}"
-            )
+            counts = {name: found.count(name) for name in ("old", "new", "between", "changed")}
+            control = {"killed": len(naive), "between": naive.count("between")}
+            told = f"migration from {revision} to {NEWEST}, killed half-way"
+            print(evidence(told, {"killed": len(found), **counts}, control=control))
             is_well &= set(found) <= {"old", "new"} and "between" in naive
     return 0 if is_well else 1
 
