@@ -132,7 +132,7 @@ def _open_services(config: Config, clock: Callable[[], datetime]) -> Services:
         raise
     except UnavailableError as error:
         database.close()
-        reason = str(error.orig or error).strip().splitlines()[0]
+        reason = str(error.orig or error).strip().partition("\n")[0]
         raise UnreachableError(f"the database {database.edition.told} cannot be used now: {reason}") from error
     return Services(config, database, live, Bundles(config.instance / "bundles", catalogue), secret, clock)
 
@@ -172,7 +172,8 @@ def _serve(app: Flask, config: Config, announce: Callable[[str], None]) -> None:
         raise ConfigError(f"cannot listen on {config.host} port {config.port}: {reason}") from error
     _allow_open_files(2 * MAX_CONNECTIONS)
     signal.signal(signal.SIGTERM, _stop)
-    tell_start(app, server.effective_port, announce)
+    port = next(int(opened.effective_port) for opened in sockets.values() if opened.accepting)
+    tell_start(app, port, announce)
     try:
         with suppress(SystemExit, KeyboardInterrupt):
             sockets.serve()

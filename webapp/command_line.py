@@ -105,7 +105,7 @@ def refusals() -> Iterator[None]:
     from webapp.config import ConfigError  # noqa: PLC0415 - a quick verb stays quick.
     from webapp.stimuli.catalogue import BundleError  # noqa: PLC0415
     from webapp.storage.accounts import AccountError  # noqa: PLC0415
-    from webapp.storage.database import DatabaseError  # noqa: PLC0415
+    from webapp.storage.database import DatabaseError, UnavailableError  # noqa: PLC0415
     from webapp.storage.instance import InstanceError  # noqa: PLC0415
     from webapp.storage.people import PersonError  # noqa: PLC0415
 
@@ -113,6 +113,9 @@ def refusals() -> Iterator[None]:
         yield
     except (AccountError, BundleError, ConfigError, DatabaseError, InstanceError, PersonError) as error:
         raise CommandError(str(error)) from error
+    except UnavailableError as error:
+        wish = "try again; `xar doctor` tells what is the matter, such as another program that holds it"
+        raise CommandError(f"the database cannot be used now: {error.orig}; {wish}") from error
 
 
 @contextmanager

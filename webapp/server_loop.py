@@ -8,6 +8,7 @@ once after that, and all of them once a second, since waitress marks idle connec
 
 import select
 import selectors
+import threading
 import time
 from collections import deque
 from collections.abc import Iterable
@@ -25,6 +26,7 @@ class Sockets(dict[int, Any]):
     Attributes:
         answering: The connections on which threads answer at the moment.
         answered: Those on which a thread has answered, until the loop asks them.
+        thread: The number of the loop's thread.
     """
 
     def __init__(self) -> None:
@@ -32,6 +34,7 @@ class Sockets(dict[int, Any]):
         self.answering: list[Channel] = []
         self.answered: deque[Channel] = deque()
         self._selector = selectors.DefaultSelector()
+        self.thread = 0
         self._waited_for: dict[int, int] = {}
         self._new: list[int] = []
         self._listening: list[int] = []
@@ -48,7 +51,12 @@ class Sockets(dict[int, Any]):
             self._selector.unregister(number)
 
     def serve(self) -> None:
-        """Let waitress handle what happens, until an exception such as SystemExit ends it."""
+        """Let waitress handle what happens, until an exception such as SystemExit ends it.
+
+        Raises:
+            OSError: It does not listen any more.
+        """
+        self.thread = threading.get_ident()
         for opened in self.values():
             if opened.accepting:
                 opened.channel_class = Channel
@@ -58,6 +66,8 @@ class Sockets(dict[int, Any]):
             now = time.monotonic()
             if now >= ask_all:
                 ask_all = now + _ASK_ALL_S
+                if not all(number in self for number in self._listening):
+                    raise OSError("the server does not listen any more")
                 self._ask(tuple(self))
             self._turn()
 
@@ -83,21 +93,23 @@ class Sockets(dict[int, Any]):
     def _ask(self, numbers: Iterable[int]) -> None:
         for number in numbers:
             opened = self.get(number)
-            if opened is None:
-                continue
-            wanted = selectors.EVENT_READ if opened.readable() else 0
-            if opened.writable() and not opened.accepting:
-                wanted |= selectors.EVENT_WRITE
-            before = self._waited_for.get(number, 0)
-            if wanted == before:
-                continue
-            if not before:
-                self._selector.register(number, wanted, opened)
-            elif wanted:
-                self._selector.modify(number, wanted, opened)
-            else:
-                self._selector.unregister(number)
-            self._waited_for[number] = wanted
+            if opened is not None:
+                wanted = selectors.EVENT_READ if opened.readable() else 0
+                if opened.writable() and not opened.accepting:
+                    wanted |= selectors.EVENT_WRITE
+                self._wait_for(number, wanted, opened)
+
+    def _wait_for(self, number: int, wanted: int, opened: Any) -> None:  # noqa: ANN401
+        before = self._waited_for.get(number, 0)
+        if wanted == before:
+            return
+        if not before:
+            self._selector.register(number, wanted, opened)
+        elif wanted:
+            self._selector.modify(number, wanted, opened)
+        else:
+            self._selector.unregister(number)
+        self._waited_for[number] = wanted
 
 
 class Channel(HTTPChannel):  # type: ignore[misc]
@@ -112,3 +124,18 @@ class Channel(HTTPChannel):  # type: ignore[misc]
         finally:
             sockets.answered.append(self)
             sockets.answering.remove(self)
+
+    def writable(self) -> bool:
+        """Tell whether the loop should send; not while a thread does, which tells the loop if something is left."""
+        if not super().writable() or not self.outbuf_lock.acquire(blocking=False):
+            return False
+        self.outbuf_lock.release()
+        return True
+
+    def handle_close(self) -> None:
+        """Close, which is for the loop's thread alone: another, that cannot send, leaves it to the loop."""
+        sockets: Sockets = self._map
+        if threading.get_ident() == sockets.thread:
+            super().handle_close()
+        else:
+            self.will_close = True

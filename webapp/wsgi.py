@@ -1,5 +1,6 @@
 """What gunicorn serves: `webapp.wsgi:live()`, or `webapp.wsgi:test_run()`. `xar serve --workers` starts it."""
 
+import errno
 import os
 import sys
 import time
@@ -27,6 +28,7 @@ REFUSALS = (BundleError, ConfigError, DatabaseError, InstanceError)
 
 _MAX_LEFT_BYTES = 6 * 1024 * 1024
 _PART_BYTES = 64 * 1024
+_PART_WITHIN_S = 5.0
 _CANNOT_BOOT = 3
 """The exit status by which gunicorn knows that another try would end in the same way."""
 
@@ -66,8 +68,8 @@ def _reading_to_the_end(app: Flask) -> Flask:
     """Let what is left of a form be read before the answer goes out, such as where nothing can be stored anyway.
 
     gunicorn would read it afterwards, and with it the beginning of the connection's next request, if that is there by
-    then; and nobody would hear of that request any more. What is too long is not waited for: gunicorn then closes the
-    connection.
+    then; and nobody would hear of that request any more. What is too long, or does not come, is not waited for: the
+    connection is closed then.
     """
     answer = app.wsgi_app
 
@@ -75,9 +77,16 @@ def _reading_to_the_end(app: Flask) -> Flask:
         body, left = environ["wsgi.input"], _MAX_LEFT_BYTES
         if int(environ.get("CONTENT_LENGTH") or 0) > left:
             return answer(environ, start_response)
-        answered = answer(environ, start_response)
-        while left > 0 and (part := body.read(min(left, _PART_BYTES))):
-            left -= len(part)
+        answered, connection = answer(environ, start_response), environ["gunicorn.socket"]
+        before = connection.gettimeout()
+        connection.settimeout(_PART_WITHIN_S)
+        try:
+            while left > 0 and (part := body.read(min(left, _PART_BYTES))):
+                left -= len(part)
+        except OSError as error:
+            raise ConnectionResetError(errno.ECONNRESET, "the rest of a form did not come") from error
+        finally:
+            connection.settimeout(before)
         return answered
 
     app.wsgi_app = read_and_answer  # type: ignore[method-assign]

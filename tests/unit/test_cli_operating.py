@@ -82,7 +82,7 @@ def test_a_backup_is_made_checked_and_restored(xar: Xar, instance: Path) -> None
     assert made.exit_code == 0
     path = only_backup(instance)
     assert f"Backup: {path} (" in made.stdout
-    assert "1 participants" in made.stdout
+    assert "1 participant)" in made.stdout
     checked = xar("restore", str(path), "--verify")
     assert (checked.exit_code, checked.stderr) == (0, "")
     assert "all is as it was" in checked.stdout

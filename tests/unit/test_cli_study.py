@@ -176,7 +176,9 @@ def test_after_a_change_of_the_program_publishing_makes_another_version_of_the_s
     first = publish(ready, instance)
     for module in (build, publication):
         monkeypatch.setattr(module, "running_program", lambda: Program("9.9", "f" * 64))
-    with pytest.raises(BundleError, match=r"and this is 9\.9 \(ffffffffffff\); run `xar study publish sakai2021`"):
+    with pytest.raises(
+        BundleError, match=r"and this is 9\.9 \(ffffffffffff\); run `xar study publish` with its folder"
+    ):
         check_published(instance, "sakai2021")
     second = publish(ready, instance)
     (change_told,) = second.changes

@@ -18,6 +18,7 @@ from tests.web.bundles import read_study, write_bundle
 from tests.web.edge import check, lay_out
 from tests.web.servers import environment, serving
 from webapp import app
+from webapp.command_line import CommandError
 from webapp.views.security import HEADERS
 
 DEPLOY = ROOT / "deploy"
@@ -179,6 +180,51 @@ def test_a_container_hands_the_password_on_from_a_file(tmp_path: Path) -> None:
     assert subprocess.run(["/bin/sh", script, "PATH"], env=given, capture_output=True, check=False).returncode != 0
 
 
+def test_a_verb_gets_the_settings_as_systemd_reads_them(tmp_path: Path) -> None:
+    url = "postgresql://xar:p$a`id`'s@db.example.org/xar?sslmode=verify-full&sslrootcert=/etc/xar/a b.pem"
+    done = _xarctl(
+        tmp_path,
+        f"# $(touch {tmp_path}/ran)\n; also a comment\n\nDATABASE_URL={url} \n"
+        'XAR_SERVE_OPTIONS="--live --workers 2"\n  XAR_STUDY = \'a & "b"\'\n'
+        'XAR_TITLE=""\nXAR_HTTPS=yes # kept\nXAR_LAST=$HOME',
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    given = dict(word.split("=", 1) for word in done.stdout.split("\0") if word)
+    read = {name: value for name, value in given.items() if name.startswith(("XAR", "DATABASE"))}
+    assert read == {
+        "XARCTL_SETTINGS": str(tmp_path / "xar.env"),
+        "XAR_INSTANCE": "/var/lib/xar",
+        "XAR_BACKUPS": "/var/backups/xar",
+        "DATABASE_URL": url,
+        "XAR_SERVE_OPTIONS": "--live --workers 2",
+        "XAR_STUDY": 'a & "b"',
+        "XAR_TITLE": "",
+        "XAR_HTTPS": "yes # kept",
+        "XAR_LAST": "$HOME",
+    }
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize(
+    "line", ["export A=1", "A", "=1", "1A=1", 'A="1', "A='1", 'A="1"2', "A='1''2'", "A=1\\2", "A=1\\", "# a comment\\"]
+)
+def test_a_verb_refuses_settings_that_systemd_would_read_otherwise(line: str, tmp_path: Path) -> None:
+    done = _xarctl(tmp_path, f"XAR_STUDY=sakai2021\n{line}\nXAR_HTTPS=yes\n")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"xarctl: {tmp_path}/xar.env, line 2: ")
+
+
+def test_a_verb_without_settings_does_not_run(tmp_path: Path) -> None:
+    done = _xarctl(tmp_path, None)
+    assert done.returncode != 0
+    assert done.stdout == ""
+
+
+def test_a_refusal_stops_the_start_and_anything_else_starts_again() -> None:
+    unit = (DEPLOY / "systemd/xar.service").read_text(encoding="utf-8").splitlines()
+    assert {"Restart=always", f"RestartPreventExitStatus={CommandError.exit_code}"} <= set(unit)
+
+
 def test_nginx_and_the_program_agree() -> None:
     snippets = {path.stem: path.read_text(encoding="utf-8") for path in (DEPLOY / "nginx/snippets").iterdir()}
     own = dict(re.findall(r'(?m)^add_header (\S+) "(.*)" always;', snippets["xar-own-answers"]))
@@ -219,6 +265,19 @@ def _health(port: int, **given: str) -> int:
     asked = [sys.executable, "-I", str(DEPLOY / "docker/healthcheck.py")]
     env = {**environment(ROOT), "XAR_PORT": str(port), **given}
     return subprocess.run(asked, env=env, capture_output=True, check=False).returncode
+
+
+def _xarctl(folder: Path, settings: str | None) -> subprocess.CompletedProcess[str]:
+    """Run xarctl as if by root, and print the environment in place of the verb."""
+    text = (DEPLOY / "systemd/xarctl").read_text(encoding="utf-8")
+    text, verbs = re.subn(r'(?m)^exec setpriv .*/xar "\$@"$', "exec env --null", text)
+    assert verbs == 1
+    script = folder / "xarctl"
+    script.write_text(text.replace('"$(id -u)"', "0"), encoding="utf-8")
+    if settings is not None:
+        (folder / "xar.env").write_text(settings, encoding="utf-8")
+    given = {"PATH": os.defpath, "XARCTL_SETTINGS": str(folder / "xar.env")}
+    return subprocess.run(["/bin/sh", script], env=given, capture_output=True, text=True, check=False, timeout=60)
 
 
 def _hardening(name: str) -> set[str]:

@@ -154,7 +154,7 @@ def test_when_nothing_can_be_stored_participants_are_asked_to_wait_and_lose_noth
         answer = visitor.post("/study/1", form)
         assert answer.status_code == 503
         assert answer.headers["Retry-After"] == "5"
-        assert "could not save" in answer.text
+        assert "did not work just now" in answer.text
         assert_strict(answer)
     assert num_rows(instance, "pages") == 0
     assert visitor.post("/study/1", form).headers["Location"] == "/study/2"

@@ -1,6 +1,7 @@
 """The server's loop: which connections it asks, and that nothing that one of them waits for is missed."""
 
 import socket
+import struct
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -167,6 +168,38 @@ def test_a_client_that_leaves_while_it_is_answered_leaves_nothing_behind() -> No
                 break
             time.sleep(0.05)
         assert not any(isinstance(opened, HTTPChannel) for opened in sockets.values())
+
+
+@pytest.mark.usefixtures("never_asked_without_cause")
+def test_a_client_that_resets_while_a_thread_answers_does_not_end_the_loop() -> None:
+    """The thread cannot send that the rest of the second request may come, and must not close what the loop asks."""
+    both = b"GET / HTTP/1.1\r\nHost: a\r\n\r\nPOST / HTTP/1.1\r\nHost: a\r\n%sContent-Length: 10\r\n\r\n"
+    reset = struct.pack("ii", 1, 0)
+    with running(connection_limit=1000) as (sockets, port):
+        for _ in range(4000):
+            with connected(port) as connection:
+                connection.sendall(both % b"Expect: 100-continue\r\n")
+                connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, reset)
+        with connected(port) as other:
+            other.sendall(b"GET /b HTTP/1.1\r\nHost: a\r\n\r\n")
+            received(other, b"/b 0")
+        assert set(sockets._waited_for) <= set(sockets)
+
+
+@pytest.mark.usefixtures("never_asked_without_cause")
+def test_a_loop_that_no_longer_listens_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server_loop, "_ASK_ALL_S", 0.1)
+    sockets = Sockets()
+    server = create_server(answer, map=sockets, host="127.0.0.1", port=0, threads=1)
+
+    def _fail() -> None:
+        server.close()
+
+    server.handle_accept = _fail
+    address = server.effective_host, int(server.effective_port)
+    with socket.create_connection(address, timeout=PATIENCE_S), pytest.raises(OSError, match="does not listen"):
+        sockets.serve()
+    server.task_dispatcher.shutdown()
 
 
 def test_only_connections_on_which_something_happened_are_asked(monkeypatch: pytest.MonkeyPatch) -> None:

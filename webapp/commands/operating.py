@@ -50,7 +50,7 @@ def backup(
     if as_json:
         show_json({"file": str(path), "removed": [str(one) for one in removed], "manifest": manifest.to_json()})
         return
-    click.echo(f"Backup: {path} ({_size(manifest.num_bytes)}, {manifest.num_rows.get('participants', 0)} participants)")
+    click.echo(f"Backup: {path} ({_size(manifest.num_bytes)}, {_people(manifest)})")
     click.echo(f"Head:   record {manifest.head.number}, {manifest.head.hash}")
     click.echo(f"SHA-256 {manifest.sha256}")
     if manifest.missing_bundles:
@@ -182,6 +182,11 @@ def _tell_restored(file: Path, done: "Restored") -> None:
     if done.is_same_key is False:
         click.echo("The instance keeps its secret key, which is another one than the backup's.")
     click.echo("What was answered after the backup is asked again. Look at `xar doctor`, then `xar serve`.")
+
+
+def _people(manifest: "Manifest") -> str:
+    number = manifest.num_rows.get("participants", 0)
+    return f"{number} participant{'' if number == 1 else 's'}"
 
 
 def _size(num_bytes: int) -> str:

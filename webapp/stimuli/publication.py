@@ -34,9 +34,11 @@ def published_bundle(instance: Path, study: str) -> Path:
     try:
         version = pointer.read_text(encoding="ascii").strip()
     except (OSError, UnicodeDecodeError):
-        raise BundleError(f"study {study!r} is not published in {instance}; run `xar study publish {study}`") from None
+        raise BundleError(
+            f"study {study!r} is not published in {instance}; run `xar study publish` with its folder"
+        ) from None
     if not re.fullmatch(r"[0-9a-f]{64}", version):
-        raise BundleError(f"{pointer} does not name a bundle; run `xar study publish {study}`")
+        raise BundleError(f"{pointer} does not name a bundle; run `xar study publish` with its folder")
     return instance / "bundles" / version
 
 
@@ -52,7 +54,7 @@ def check_published(instance: Path, study: str) -> Path:
     if published != running:
         raise BundleError(
             f"study {study!r} was published with program {_short(published)}, and this is {_short(running)}; "
-            f"run `xar study publish {study}` for a new version, or the program that it was published with"
+            f"run `xar study publish` with its folder for a new version, or the program that it was published with"
         )
     return folder
 

@@ -4,13 +4,15 @@ import fcntl
 import os
 import sqlite3
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 from sqlalchemy import Connection, StaticPool, create_engine
 
-from webapp.storage.database import Database
+from webapp.storage.database import Database, UnavailableError
+from webapp.storage.sqlite_edition import BUSY_TIMEOUT_S
 
 _PREFIX = ".snapshot-"
 
@@ -59,7 +61,17 @@ def remove_stale(database: Database) -> None:
 
 
 def _copy(database: Database, copy: sqlite3.Connection) -> None:
+    until = time.monotonic() + BUSY_TIMEOUT_S
+
+    def _wait(status: int, _remaining: int, _total: int) -> None:
+        # Whoever holds the file may do so for ever, and SQLite would wait as long.
+        if status in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED} and time.monotonic() > until:
+            raise sqlite3.OperationalError("another program holds the database")
+
     with database.read() as connection:
         original = connection.connection.driver_connection
         assert isinstance(original, sqlite3.Connection)  # noqa: S101 - for the type checker
-        original.backup(copy)
+        try:
+            original.backup(copy, progress=_wait)
+        except sqlite3.OperationalError as error:
+            raise UnavailableError("backup", None, error) from error

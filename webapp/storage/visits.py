@@ -34,7 +34,7 @@ class RecentTrials:
     Threads may share it.
     """
 
-    def __init__(self, most: int = 2000) -> None:
+    def __init__(self, most: int = 500) -> None:
         """Remember the trials of `most` participants."""
         self._most = most
         self._lock = threading.Lock()

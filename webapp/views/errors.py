@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from http import HTTPStatus
 
 from flask import Flask, Response, make_response, render_template, request, url_for
+from jinja2 import TemplateNotFound
 from werkzeug.exceptions import HTTPException, SecurityError
 
 from webapp.storage.database import UnavailableError
@@ -88,7 +89,7 @@ def show_error(error: Exception) -> Response:
 def error_page(error: Exception) -> ErrorPage:
     """Look an error up."""
     for kind, page in DOMAIN_ERRORS.items():
-        if isinstance(error, kind):
+        if isinstance(error, kind) and not isinstance(error, TemplateNotFound):  # It calls itself an OSError.
             return page
     status = error.code if isinstance(error, HTTPException) and error.code is not None else 500
     if status >= HTTPStatus.INTERNAL_SERVER_ERROR:

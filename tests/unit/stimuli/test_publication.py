@@ -38,7 +38,7 @@ def bundle(study: Path, instance: Path) -> Path:
 
 def test_what_was_never_published_is_not_served(bundle: Path, instance: Path) -> None:
     del bundle
-    wish = r"study 'sakai2021' is not published in .*; run `xar study publish sakai2021`"
+    wish = r"study 'sakai2021' is not published in .*; run `xar study publish` with its folder"
     with pytest.raises(BundleError, match=wish):
         check_published(instance, STUDY)
 

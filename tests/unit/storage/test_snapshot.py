@@ -2,15 +2,18 @@
 
 import fcntl
 import os
+import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from tests.unit.storage.people import NOW, enrol_somebody
+from webapp.storage import snapshot as snapshot_module
 from webapp.storage import sqlite_edition
-from webapp.storage.database import Database
+from webapp.storage.database import Database, UnavailableError, open_database
 from webapp.storage.erasure import erase
 from webapp.storage.snapshot import remove_stale, snapshot
 
@@ -68,3 +71,18 @@ def test_it_is_told_whether_the_last_traces_are_gone(tmp_path: Path, monkeypatch
     content = b"".join(file.read_bytes() for file in tmp_path.iterdir())
     assert person.code.encode() not in content
     database.close()
+
+
+def test_another_program_that_holds_the_database_is_not_waited_for_without_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(snapshot_module, "BUSY_TIMEOUT_S", 0.3)
+    path = tmp_path / "xar.sqlite3"
+    with open_database(path) as database, closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute("BEGIN EXCLUSIVE")
+        with pytest.raises(UnavailableError, match="another program holds the database"), snapshot(database):
+            pass
+        other.execute("ROLLBACK")
+        with snapshot(database) as connection:
+            assert connection.exec_driver_sql("SELECT count(*) FROM participants").scalar_one() == 0
+    assert not list(tmp_path.glob(".snapshot-*"))
