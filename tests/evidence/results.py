@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.conftest import ROOT
+from tests.postgres import binaries
 
 FOLDER = ROOT / "results/evidence"
 PACKAGES = ("flask", "werkzeug", "waitress", "gunicorn", "sqlalchemy", "psycopg", "jinja2")
@@ -30,7 +31,7 @@ class Result:
         date: When it ended, UTC, to the minute.
         commit: Of the program; with `+` if files had been changed since.
         machine: What it ran on.
-        versions: Of Python, SQLite and packages.
+        versions: Of Python, SQLite, PostgreSQL and packages.
         note: What else one should know, such as that other work ran on the machine.
     """
 
@@ -54,6 +55,7 @@ def made(told: list[Mapping[str, Any]], status: int, command: str, note: str) ->
         commit=_commit(),
         machine=_machine(),
         versions={"Python": platform.python_version(), "SQLite": sqlite3.sqlite_version}
+        | {"PostgreSQL": _postgres()}
         | {name: version(name) for name in PACKAGES},
         note=note,
     )
@@ -86,6 +88,11 @@ def _git(*words: str) -> str:
     if git is None:
         raise FileNotFoundError("git is not on the path; a result names its commit")
     return subprocess.run([git, *words], cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def _postgres() -> str:
+    told = subprocess.run([binaries() / "postgres", "--version"], check=True, capture_output=True, text=True).stdout
+    return told.split()[2]
 
 
 def _machine() -> str:

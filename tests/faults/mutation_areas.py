@@ -35,9 +35,10 @@ _SENT_PAGES = (
     "tests/web/test_around_the_trials.py",
 )
 _ALLOCATED = (
+    "tests/unit/study/test_counterbalancing.py",
+    "tests/unit/storage/test_allocation_limits.py",
     "tests/unit/storage/test_enrolment.py",
     "tests/unit/storage/test_ledger.py",
-    "tests/unit/storage/test_allocation_limits.py",
 )
 _SIGNED_IN = (
     "tests/web/test_sign_in_pages.py",
@@ -49,11 +50,8 @@ AREAS: Sequence[Area] = (
     Area(
         "allocation of conditions",
         {
-            "webapp/study/counterbalancing.py": ("tests/unit/study/test_counterbalancing.py",),
-            "webapp/study/draws.py": (
-                "tests/unit/storage/test_allocation_limits.py",
-                "tests/unit/storage/test_ledger.py",
-            ),
+            "webapp/study/counterbalancing.py": _ALLOCATED,
+            "webapp/study/draws.py": _ALLOCATED,
             "webapp/storage/ledger.py": _ALLOCATED,
             "webapp/storage/enrolment.py": _ALLOCATED,
         },

@@ -17,13 +17,13 @@ _HEAD = """# Mutants
 
 Tests that pass show little unless they fail when the program is wrong. `make mutants` makes the program wrong in one
 small way after another, in a copy of the tree, and runs the tests of the changed module: a mutant is *killed* if one of
-them fails or hangs. It writes this page; tests see to it that at least {share:.0%} are killed in each area and that
+them fails or hangs. It writes this page; a test sees to it that at least {share} % are killed in each area and that
 each survivor has its reason.
 
-The mutants are those of [mutmut](https://github.com/boxed/mutmut) (operators, numbers, texts, arguments,
-assignments). Mutmut leaves alone what has a decorator, such as the views, and what stands
-outside functions, such as limits and prepared queries; it leaves out no statement and turns no condition round. That
-is done by `tests/faults/source_changes.py`. Not changed: templates, migrations, and the modules that are not named
+The mutants are those of [mutmut](https://github.com/boxed/mutmut) (operators, numbers, texts, arguments, assignments).
+Mutmut leaves alone what has a decorator, such as the views, and what stands outside functions, such as limits and
+prepared queries; it leaves out no statement and turns no condition round. That is done by
+`tests/faults/source_changes.py`. Not changed: templates, migrations, and the modules that are not named
 below. A mutant that lives is no fault of the program; it is a change that the tests of that module do not see.
 """
 
@@ -50,7 +50,7 @@ def key_of(survivor: Told) -> Key:
 
 def render(result: Result, reasons: Mapping[Key, str]) -> str:
     """Return the page."""
-    lines = [_HEAD.format(share=SHARE_TO_REACH), *_surroundings(result), *_table(result.told)]
+    lines = [_HEAD.format(share=round(100 * SHARE_TO_REACH)), *_surroundings(result), *_table(result.told)]
     for told in result.told:
         lines += _survivors(told, reasons)
     return "\n".join(lines).rstrip("\n") + "\n"

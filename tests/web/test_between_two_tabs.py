@@ -95,6 +95,12 @@ def test_a_mistake_to_mend_is_an_error_of_the_form(visitor: Visitor) -> None:
     assert answer.status_code == 422
 
 
+@pytest.mark.parametrize("path", ["/left", "/ended", "/done"])
+def test_an_end_is_shown_to_nobody_who_is_still_on_the_way(visitor: Visitor, path: str) -> None:
+    answer = visitor.get(path)
+    assert (answer.status_code, answer.headers["Location"]) == (303, "/study/1")
+
+
 def test_a_picture_that_was_never_made_is_not_found(visitor: Visitor) -> None:
     assert visitor.get(f"/pictures/{'a' * 64}.png").status_code == 404
 

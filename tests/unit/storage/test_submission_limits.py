@@ -198,6 +198,15 @@ def test_what_was_done_on_one_page_counts_on_no_other(database: Database, person
     assert drive_actions(database, person, practice.number) == ("left", "left")
 
 
+def test_the_last_answers_of_a_page_are_those_of_no_other(database: Database, person: Participant) -> None:
+    about = PageContent(answers=[Answer("age", "44")])
+    assert send(database, person, 1, study=DRIVING, content=about) == "accept"
+    quiz = walk_on(database, person, "quiz")
+    assert store_page(database, person, quiz, "n", attempt(1), NOW) == "accept"
+    assert last_answers(database, person, 1) == {"age": Answer("age", "44")}
+    assert last_answers(database, person, quiz.number) == {"goal": Answer("goal", "key", is_correct=False)}
+
+
 def test_a_page_begun_anew_is_known_by_its_latest_beginning(database: Database, person: Participant) -> None:
     page = walk_to(database, person, "quiz", DRIVING)
     with database.read() as connection:
