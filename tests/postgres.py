@@ -68,6 +68,15 @@ class Server:
         """Stop. `immediate` is as if the machine had stopped."""
         run("pg_ctl", "stop", "-w", "-D", self.folder / "data", "-m", mode)
 
+    @contextmanager
+    def gone(self) -> Iterator[None]:
+        """Be gone for as long as the context lasts, as if the machine had stopped meanwhile."""
+        self.stop("immediate")
+        try:
+            yield
+        finally:
+            self.start()
+
     def kill(self) -> None:
         """Kill the process that all others come from, and return when these have noticed it and are gone too."""
         locks = (self.folder / "data/postmaster.pid", self.folder / ".s.PGSQL.5432.lock")

@@ -3,7 +3,7 @@
 import random
 import shutil
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -39,16 +39,6 @@ def site(
         yield Site(f"http://127.0.0.1:{program.port}", instance, "", catalogue)
 
 
-@contextmanager
-def gone(server: postgres.Server) -> Iterator[None]:
-    """Let the database be gone for as long as the context lasts."""
-    server.stop("immediate")
-    try:
-        yield
-    finally:
-        server.start()
-
-
 def rows(server: postgres.Server, name: str) -> list[tuple[str, int]]:
     with closing(server.connect(name)) as connection:
         return connection.execute("SELECT item, rating FROM ratings ORDER BY item, rating").fetchall()
@@ -74,7 +64,7 @@ def test_what_was_chosen_stays_and_is_sent_by_itself_when_the_database_is_back(
     participant = at_the_first_ratings(open_context, site, scripts=True)
     items = participant.items()
     participant.answer_all(4)
-    with gone(postgres_server):
+    with postgres_server.gone():
         participant.button("explanation.send").click(no_wait_after=True)
         expect(participant.page.locator(".sending-notice")).not_to_be_empty()
         assert participant.page.url.endswith("/study/3")
@@ -90,7 +80,7 @@ def test_without_scripts_a_page_says_so_and_the_way_back_leads_to_what_was_chose
     participant = at_the_first_ratings(open_context, site, scripts=False)
     page, items = participant.page, participant.items()
     participant.answer_all(2)
-    with gone(postgres_server):
+    with postgres_server.gone():
         with page.expect_response("**/study/3") as answered:
             participant.button("explanation.send").click()
         assert answered.value.status == 503

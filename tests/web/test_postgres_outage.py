@@ -4,7 +4,7 @@ import random
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from http.client import HTTPConnection
 from pathlib import Path
 
@@ -44,16 +44,6 @@ def program(instance: Path, url: str) -> Iterator[Program]:
         yield program
 
 
-@contextmanager
-def gone(server: postgres.Server) -> Iterator[None]:
-    """Let the database be gone for as long as the context lasts."""
-    server.stop("immediate")
-    try:
-        yield
-    finally:
-        server.start()
-
-
 def test_while_the_database_is_gone_people_are_asked_to_wait_and_what_they_send_again_is_stored_once(
     program: Program, instance: Path, url: str, postgres_server: postgres.Server
 ) -> None:
@@ -62,7 +52,7 @@ def test_while_the_database_is_gone_people_are_asked_to_wait_and_what_they_send_
     for browser in browsers:
         take_part(browser, ledger, rng, last=2)
     forms = [filled(3, browser.nonce_of("/study/3")) for browser in browsers]
-    with gone(postgres_server):
+    with postgres_server.gone():
         for browser, form in zip(browsers, forms, strict=True):
             for path, sent in (("/study/3", form), ("/study/3", None), ("/study", None), ("/healthz", None)):
                 began = time.monotonic()
@@ -111,7 +101,7 @@ def test_a_worker_killed_while_the_database_is_gone_is_replaced_by_one_that_wait
     take_part(browser, Ledger(), random.Random(1), last=2)
     browser.close()
     before = program.pid
-    with gone(postgres_server):
+    with postgres_server.gone():
         for _ in range(2):
             program.kill_worker(random.Random(1))
         time.sleep(2.5)  # The new ones have tried by now.
