@@ -34,6 +34,7 @@ from webapp.views.errors import init_errors
 from webapp.views.logs import configure_logging, init_request_log
 from webapp.views.security import cookie_name, init_security
 from webapp.views.services import Bundles, Services, attach, services_of, utc_now
+from webapp.views.sessions import RareSessions
 from webapp.views.texts import init_texts
 from webapp.views.tokens import session_key
 
@@ -68,9 +69,9 @@ def create_app(config: Config, *, clock: Callable[[], datetime] = utc_now) -> Fl
     _configure_flask(app, services)
     init_request_log(app)
     init_security(app, config)
+    init_texts(app)
     init_assets(app, _resources() / "static")
     init_errors(app)
-    init_texts(app)
     for module in (arrival, participant, driving, ask, researcher, health):
         app.register_blueprint(module.bp)
     return app
@@ -139,6 +140,7 @@ def _open_services(config: Config, clock: Callable[[], datetime]) -> Services:
 
 def _configure_flask(app: Flask, services: Services) -> None:
     config = services.config
+    app.session_interface = RareSessions()
     app.config.update(
         SECRET_KEY=session_key(services.secret),
         SESSION_COOKIE_NAME=cookie_name(config, "notice"),

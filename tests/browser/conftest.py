@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Error, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Error, Page, sync_playwright
 
+from tests.browser.hostile_windows import REFUSED, listen
 from tests.browser.site import Site, serve
-from tests.browser.windows import OPENED, TIMEOUT_MS, OpenContext, watch
+from tests.browser.windows import DESKTOP, OPENED, TIMEOUT_MS, OpenContext, watch
 from tests.conftest import ROOT
 
 OPTIONS = ("--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-quic")
@@ -54,6 +55,16 @@ def open_context(browser: Browser, site: Site, request: pytest.FixtureRequest) -
     for context in opened:
         context.close()
     assert complaints == []
+
+
+@pytest.fixture
+def page(open_context: OpenContext) -> Iterator[Page]:
+    """A window for hostile texts, in which nothing may run or open; most modules have a page of their own instead."""
+    page = open_context(expected=REFUSED, **DESKTOP).new_page()
+    dialogs = listen(page.context)
+    yield page
+    assert dialogs == []
+    page.close()
 
 
 @pytest.hookimpl(wrapper=True)

@@ -12,10 +12,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.hostile_windows import FETCH, REFUSED, SEND_FILES, listen, missing, texts_of
+from tests.browser.hostile_windows import FETCH, SEND_FILES, missing, texts_of
 from tests.browser.researcher import sign_in
 from tests.browser.site import Site, serve
-from tests.browser.windows import DESKTOP, OpenContext
 from tests.security.payload_families import MARKER
 from tests.security.payloads import PAYLOADS, as_quoted, as_read, as_sent, fitting, in_address
 from tests.web.bundles import write_bundle
@@ -39,16 +38,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     (folder / "instance").mkdir()
     with serve(folder / "built", folder / "instance", study.name) as site:
         yield site
-
-
-@pytest.fixture
-def page(open_context: OpenContext) -> Iterator[Page]:
-    """A window in which nothing runs, opens or is stopped."""
-    page = open_context(expected=REFUSED, **DESKTOP).new_page()
-    dialogs = listen(page.context)
-    yield page
-    assert dialogs == []
-    page.close()
 
 
 @pytest.mark.parametrize("name", _IDS)

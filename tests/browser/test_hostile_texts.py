@@ -15,7 +15,7 @@ from jinja2 import Environment, FileSystemLoader
 from playwright.sync_api import Page, Route
 
 from tests.browser.hostile_site import IDS, NOW, REASONS, TOKEN, TYPED, HostileSite, pages_for, send, serve_hostile
-from tests.browser.hostile_windows import FETCH, REFUSED, listen, missing, read, texts_of
+from tests.browser.hostile_windows import FETCH, listen, missing, read, texts_of
 from tests.browser.researcher import sign_in, unblind
 from tests.browser.site import Site
 from tests.browser.windows import DESKTOP, OpenContext
@@ -37,16 +37,6 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Iterator[HostileSite]:
 @pytest.fixture(scope="module")
 def site(hostile: HostileSite) -> Site:
     return hostile.site
-
-
-@pytest.fixture
-def page(open_context: OpenContext) -> Iterator[Page]:
-    """A window in which nothing runs, opens or is stopped."""
-    page = open_context(expected=REFUSED, **DESKTOP).new_page()
-    dialogs = listen(page.context)
-    yield page
-    assert dialogs == []
-    page.close()
 
 
 def test_there_are_enough_payloads_and_each_field_gets_its_share() -> None:

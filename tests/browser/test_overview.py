@@ -148,6 +148,22 @@ def test_every_page_is_accessible_and_fits_the_screen(page: Page, site: Site, op
         assert width <= PHONE["viewport"]["width"], path
 
 
+def test_on_a_phone_the_trials_number_stays_beside_the_word(page: Page, site: Site, open_context: OpenContext) -> None:
+    participant = arrive(site, open_context)
+    participant.go_on("instructions.start")
+    participant.go_on("situation.continue")
+    participant.rate("experiment1", 1)
+    participant.send()
+    unblind(page, site)
+    page.goto("/researcher/people")
+    person = page.locator("#participants a").first.get_attribute("href")
+    phone = open_context(**PHONE).new_page()
+    sign_in(phone, site)
+    phone.goto(f"{person}")
+    lines = "parts => parts.map((part) => part.getClientRects().length)"
+    assert phone.locator("td .n").filter(has_text="trial").evaluate_all(lines) == [1, 1]
+
+
 def test_a_preview_leads_through_all_pages_with_its_own_buttons(page: Page) -> None:
     page.goto("/researcher/preview/1")
     for number in range(1, 4):

@@ -104,27 +104,47 @@ def kill_and_compare(
     )
 
 
+def read_arguments(
+    arguments: Sequence[str] | None, about: str, kind: str, *, few: int, full: tuple[int, int], long: tuple[int, int]
+) -> tuple[int, int, int]:
+    """Read how much is to be tried, in the same words for every program that kills under load.
+
+    Args:
+        arguments: What stands behind the program's name; None for what this process was given.
+        about: The program's docstring.
+        kind: What is counted besides ratings, such as `kills`: the name of the option.
+        few: How many of them if nothing is said.
+        full: How many of them and of acknowledged ratings `--full` means.
+        long: How many `--long` does.
+
+    Returns:
+        How many of them, how many ratings, and the seed.
+    """
+    parser = argparse.ArgumentParser(description=about.splitlines()[0])
+    for name, (number, num_ratings) in {"full": full, "long": long}.items():
+        parser.add_argument(f"--{name}", action="store_true", help=f"{number:,} {kind}, {num_ratings:,} ratings")
+    parser.add_argument(f"--{kind}", dest="number", metavar="N", type=int, default=few)
+    parser.add_argument("--ratings", metavar="N", type=int, default=200)
+    parser.add_argument("--seed", metavar="N", type=int, default=1)
+    options = parser.parse_args(arguments)
+    number, num_ratings = long if options.long else full if options.full else (options.number, options.ratings)
+    return number, num_ratings, options.seed
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the evidence and return 0 if nothing was lost and both controls show that it would be noticed."""
-    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("--full", action="store_true", help="50 kills, 10,000 ratings")
-    parser.add_argument("--long", action="store_true", help="1,000 kills, 100,000 ratings")
-    parser.add_argument("--kills", type=int, default=8)
-    parser.add_argument("--ratings", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args(arguments)
-    num_kills, num_ratings = options.kills, options.ratings
-    if options.full or options.long:
-        num_kills, num_ratings = (1000, 100_000) if options.long else (50, 10_000)
+    num_kills, num_ratings, seed = read_arguments(
+        arguments, str(__doc__), "kills", few=8, full=(50, 10_000), long=(1000, 100_000)
+    )
     with tempfile.TemporaryDirectory() as scratch:
-        outcome = kill_and_compare(Path(scratch, "real"), num_kills, num_ratings, seed=options.seed)
+        outcome = kill_and_compare(Path(scratch, "real"), num_kills, num_ratings, seed=seed)
         weak = {
-            mutant: kill_and_compare(Path(scratch, mutant), 8, 0, seed=options.seed, mutant=mutant)
+            mutant: kill_and_compare(Path(scratch, mutant), 8, 0, seed=seed, mutant=mutant)
             for mutant in ("hasty", "naive")
         }
     control = {mutant: found.to_json() for mutant, found in weak.items()}
     limit = bound(outcome.num_ratings)
-    print(evidence("F1 kill -9", outcome.to_json(), seeds=[options.seed], bound=limit, control=control))
+    print(evidence("F1 kill -9", outcome.to_json(), seeds=[seed], bound=limit, control=control))
     is_noticed = weak["hasty"].verdict.lost > 0 and weak["naive"].verdict.doubled > 0
     return 0 if outcome.is_clean and is_noticed else 1
 

@@ -9,7 +9,6 @@ database it is measured how long people still have to try again once connections
 `--full` is 12 rounds, 60 kills, and at least 20,000 acknowledged ratings; `--long` is 200 rounds and 100,000.
 """
 
-import argparse
 import random
 import sys
 import tempfile
@@ -26,6 +25,7 @@ import psycopg
 from tests import postgres
 from tests.faults.client import Browser
 from tests.faults.crowd import Crowd, compare
+from tests.faults.kills import read_arguments
 from tests.faults.oracle import Verdict, bound, evidence
 from tests.faults.postgres_faults import KINDS, NUM_WORKERS, OF_DATABASE, Faults
 from tests.faults.program import running
@@ -233,26 +233,19 @@ def controls(scratch: Path, server: postgres.Server, seed: int, num_rounds: int)
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the evidence and return 0 if nothing was lost and both controls show that it would be noticed."""
-    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("--full", action="store_true", help="12 rounds, 20,000 ratings")
-    parser.add_argument("--long", action="store_true", help="200 rounds, 100,000 ratings")
-    parser.add_argument("--rounds", type=int, default=1)
-    parser.add_argument("--ratings", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args(arguments)
-    num_rounds, num_ratings = options.rounds, options.ratings
-    if options.full or options.long:
-        num_rounds, num_ratings = (200, 100_000) if options.long else (12, 20_000)
+    num_rounds, num_ratings, seed = read_arguments(
+        arguments, str(__doc__), "rounds", few=1, full=(12, 20_000), long=(200, 100_000)
+    )
     with ExitStack() as stack:
         scratch = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         server = stack.enter_context(postgres.a_server())
-        outcome = kill_and_compare(scratch / "real", server, num_rounds, num_ratings, seed=options.seed)
-        weak = controls(scratch, server, options.seed, num_rounds=4)
+        outcome = kill_and_compare(scratch / "real", server, num_rounds, num_ratings, seed=seed)
+        weak = controls(scratch, server, seed, num_rounds=4)
     print(
         evidence(
             "F4 PostgreSQL and its workers killed",
             outcome.to_json(),
-            seeds=[options.seed],
+            seeds=[seed],
             bound=bound(outcome.num_ratings),
             limits={"longest_recovery_s": MAX_RECOVERY_S},
             control={mutant: verdict.to_json() for mutant, verdict in weak.items()},

@@ -257,3 +257,18 @@ def test_the_verbs_take_the_database_of_the_settings(xar: Xar, address: str, mon
     assert "Nothing was done" in xar("migrate").stdout
     monkeypatch.delenv("DATABASE_URL")
     assert "set DATABASE_URL" in xar("restore", str(path), "--verify").stderr
+
+
+def test_with_postgresql_the_doctor_speaks_of_nothing_that_only_sqlite_has(
+    xar: Xar, instance: Path, address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (instance / "xar.sqlite3-journal").write_bytes(b"of the file that was used before")
+    monkeypatch.setattr(surroundings, "MIN_FREE_MB", 10**9)
+    of_sqlite = ("SQLite", "journal", "commits with a log", "other programs", "no answer can be stored")
+    told = " ".join(xar("doctor").stdout.split())
+    assert [words for words in of_sqlite if words in told] == [*of_sqlite]
+    monkeypatch.setenv("DATABASE_URL", address)
+    told = " ".join(xar("doctor").stdout.split())
+    assert [words for words in of_sqlite if words in told] == []
+    assert "server_version=" in told
+    assert "nothing half-made" in told

@@ -118,6 +118,24 @@ def test_exceptions_that_quote_what_was_sent_are_told_without(failing: Flask, lo
     assert "Traceback" in log.getvalue() or 'File \\"' in log.getvalue()
 
 
+@pytest.mark.parametrize("kind", ["number", "query", "cause", "file"])
+def test_a_failure_is_one_line_that_tells_each_place_once(failing: Flask, log: io.StringIO, kind: str) -> None:
+    """The database's exceptions come in pairs, the driver's and SQLAlchemy's, with the same places in both."""
+    failing.test_client().get(f"/fail/{kind}/{MARKER}")
+    (error,) = [line for line in lines(log) if line["level"] == "ERROR"]
+    places = re.findall(r"^  File .*$", error["traceback"], re.MULTILINE)
+    assert sorted(places) == sorted(set(places))
+    assert any(place.endswith(f"in {kind}") for place in places)
+
+
+def test_the_cause_of_a_failure_is_told_before_it(failing: Flask, log: io.StringIO) -> None:
+    failing.test_client().get(f"/fail/cause/{MARKER}")
+    (error,) = [line for line in lines(log) if line["level"] == "ERROR"]
+    told = [line for line in error["traceback"].splitlines() if not line.startswith(" ")]
+    assert told == ["KeyError", "RuntimeError"]
+    assert error["traceback"].count("in cause\n") == 2
+
+
 def test_the_usual_formatter_would_have_quoted_it(failing: Flask) -> None:
     """The control: what is kept out is there to be kept out."""
     written = io.StringIO()

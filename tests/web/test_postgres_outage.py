@@ -1,5 +1,6 @@
 """PostgreSQL is gone for a while: everybody is asked to wait, and whoever tries again is answered as before."""
 
+import json
 import random
 import threading
 import time
@@ -67,6 +68,11 @@ def test_while_the_database_is_gone_people_are_asked_to_wait_and_what_they_send_
     verdict, problems = compare(instance, ledger, url)
     assert verdict.is_clean, verdict
     assert problems == []
+    errors = [json.loads(line) for line in program.log.read_text(encoding="utf-8").splitlines() if '"ERROR"' in line]
+    assert len(errors) == 4 * 3, "a line for each page, and none for /healthz"
+    for error in errors:
+        assert error["traceback"].count("in raw_connection\n") == 1, "one traceback, not the driver's besides"
+        assert "psycopg.OperationalError\n" in error["traceback"]
 
 
 def test_a_worker_that_loses_the_database_while_it_starts_says_so_in_a_way_that_it_may_try_again(

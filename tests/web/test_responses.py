@@ -1,13 +1,15 @@
 """What holds for every route and every status: headers, and where forms may come from."""
 
+import errno
 import logging
+import os
 import sqlite3
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
 
 import pytest
-from flask import Flask
+from flask import Flask, render_template
 from werkzeug.test import TestResponse
 
 from tests.web.people import SAME_SITE, Visitor, hidden_nonce
@@ -158,3 +160,23 @@ def test_when_nothing_can_be_stored_participants_are_asked_to_wait_and_lose_noth
         assert_strict(answer)
     assert num_rows(instance, "pages") == 0
     assert visitor.post("/study/1", form).headers["Location"] == "/study/2"
+
+
+@pytest.mark.parametrize("number", [errno.EIO, errno.ENOSPC, errno.EMFILE])
+def test_what_the_disk_does_not_give_or_take_is_told_as_a_wait(app: Flask, number: int) -> None:
+    app.testing = False
+
+    @app.get("/of-the-disk")
+    def of_the_disk() -> str:
+        raise OSError(number, os.strerror(number))
+
+    @app.get("/of-the-program")
+    def of_the_program() -> str:
+        return render_template("there-is-no-such.html")  # Jinja calls this an OSError too, and waiting does not help.
+
+    answer = app.test_client().get("/of-the-disk")
+    assert (answer.status_code, answer.headers["Retry-After"]) == (503, "5")
+    assert "did not work just now" in answer.text
+    assert_strict(answer)
+    answer = app.test_client().get("/of-the-program")
+    assert (answer.status_code, answer.headers.get("Retry-After")) == (500, None)

@@ -1,5 +1,6 @@
 """The server's loop: which connections it asks, and that nothing that one of them waits for is missed."""
 
+import os
 import socket
 import struct
 import threading
@@ -90,6 +91,42 @@ def test_a_number_that_was_used_before_serves_the_next_connection() -> None:
             with connected(port) as connection:
                 connection.sendall(f"GET /{number} HTTP/1.1\r\nHost: a\r\n\r\n".encode())
                 received(connection, f"/{number} 0".encode())
+
+
+class Rival(wasyncore.dispatcher):  # type: ignore[misc]
+    """A connection that, when something comes, closes another one, whose number a silent one has at once."""
+
+    def __init__(self, connection: socket.socket, sockets: Sockets, read: list["Rival"]) -> None:
+        super().__init__(connection, sockets)
+        self.read, self.rivals = read, list[Rival]()
+
+    def handle_read(self) -> None:
+        self.read.append(self)
+        for rival in self.rivals:
+            number = rival.socket.fileno()
+            mine, self.theirs = socket.socketpair()
+            rival.close()
+            with mine:
+                Rival(socket.socket(fileno=os.dup2(mine.fileno(), number)), self._map, self.read)
+
+    def writable(self) -> bool:
+        return False
+
+
+def test_what_happened_on_a_closed_connection_is_not_told_to_the_one_that_has_its_number_now() -> None:
+    sockets, read = Sockets(), list[Rival]()
+    pairs = [socket.socketpair() for _ in range(2)]
+    first, second = (Rival(mine, sockets, read) for mine, _ in pairs)
+    first.rivals, second.rivals = [second], [first]
+    for _, theirs in pairs:
+        theirs.sendall(b"x")
+    sockets._ask(tuple(sockets))
+    # Both are readable in this turn; whichever comes first closes the other.
+    sockets._turn()
+    assert len(read) == 1
+    wasyncore.close_all(sockets)
+    for connection in (*(theirs for _, theirs in pairs), read[0].theirs):
+        connection.close()
 
 
 @pytest.mark.usefixtures("never_asked_without_cause")

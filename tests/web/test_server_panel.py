@@ -115,7 +115,9 @@ def test_the_newest_that_is_whole_and_of_this_database_counts(app: Flask, clock:
     assert good.exists()
 
 
-def test_a_look_reads_one_manifest_and_no_table(app: Flask, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_look_reads_one_manifest_and_the_end_of_the_log(
+    app: Flask, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
     here = services_of(app)
     read: list[Path] = []
     asked: list[tuple[str, tuple[object, ...]]] = []
@@ -134,12 +136,11 @@ def test_a_look_reads_one_manifest_and_no_table(app: Flask, clock: Clock, monkey
     condition(here.database, here.config.backup_folder, clock.time, is_live=True)
     assert len(read) == 1
     asked = [question for question in asked if question[0].startswith("SELECT")]
-    assert len(asked) == 3
+    ((statement, values),) = asked
     with closing(sqlite3.connect(here.config.database_path)) as other:
-        for statement, values in asked:
-            plan = other.execute(f"EXPLAIN QUERY PLAN {statement}", values).fetchall()
-            assert "USING INDEX" in str(plan), plan
-            assert not re.search("SCAN|TEMP B-TREE", str(plan)), plan
+        plan = other.execute(f"EXPLAIN QUERY PLAN {statement}", values).fetchall()
+    # By number, of which the last ones come first: no step that would have to read all of them to sort them.
+    assert [step for *_, step in plan] == ["SCAN records"]
 
 
 def test_backups_are_looked_for_where_the_settings_say(tmp_path: Path) -> None:

@@ -60,7 +60,9 @@ def _findings(config: "Config") -> "list[Finding]":
     # The folder comes first: to open the database works in what is left behind.
     return [
         server,
-        *folder_findings(config.database_path, is_served=address is not None),
+        *folder_findings(
+            config.database_path, is_served=address is not None, holds_answers=config.database_url is None
+        ),
         *database_findings(config.database_path, config.database_url, backup_folder(config), datetime.now(UTC)),
         *settings,
     ]

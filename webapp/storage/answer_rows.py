@@ -1,11 +1,12 @@
 """The rows of what participants send, inserted within the transaction that decides whether they may."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from datetime import datetime
 
-from sqlalchemy import Connection, Table, bindparam, insert, select, update
+from sqlalchemy import Connection, Table, bindparam, func, insert, select, update
 
+from webapp.storage.contents import as_stored
 from webapp.storage.ledger import resume_slot
 from webapp.storage.participants import LATEST_SIGN, Participant
 from webapp.storage.tables import (
@@ -17,7 +18,6 @@ from webapp.storage.tables import (
     participants,
     predictions,
     ratings,
-    trials,
 )
 from webapp.study.answers import Answer, DriveResult, DriveStep, Event, PageContent, Prediction
 from webapp.study.questionnaire import Ratings
@@ -25,38 +25,40 @@ from webapp.study.session import Page
 
 # Every page that is sent needs these; putting them together takes longer than asking.
 _INSERTS = {table: insert(table) for table in (answers, drive_steps, drives, events, pages, predictions, ratings)}
-_OF_PAGES = frozenset({ratings, predictions, drives, events})
 _TOUCH = update(participants).where(participants.c.id == bindparam("whose")).values(last_seen_at=LATEST_SIGN)
-_TRIAL_NUMBER = select(trials.c.number).where(
-    trials.c.participant_id == bindparam("whose"),
-    trials.c.experiment == bindparam("experiment"),
-    trials.c.position == bindparam("position"),
+# How far somebody was when their page was looked at; where anything of it changed since, no row has all of this.
+_AS_READ = (
+    participants.c.id == bindparam("whose"),
+    participants.c.salt == bindparam("whose_salt"),
+    participants.c.withdrawn_at.is_(None),
+    participants.c.screened_out_at.is_(None),
+    participants.c.slot_released_at.is_(None),
+    select(func.count()).where(pages.c.participant_id == participants.c.id).scalar_subquery() == bindparam("stored"),
 )
+_GO_ON = update(participants).where(*_AS_READ).values(last_seen_at=LATEST_SIGN)
 
 
 def insert_page(
     connection: Connection, participant: Participant, page: Page, nonce: str, content: PageContent, now: datetime
-) -> frozenset[Table]:
+) -> Mapping[Table, Sequence[Mapping[str, object]]]:
     """Insert a page with what stands on it; answers to questions have been inserted by then.
 
     Returns:
-        The tables that hold nothing of the page.
+        The rows, by table, as they stand there now.
     """
-    number = trial_number(connection, participant.id, page)
-    row = {"participant_id": participant.id, "number": page.number, "kind": page.kind, "trial_number": number}
-    connection.execute(_INSERTS[pages], {**row, "nonce": nonce, "submitted_at": now})
-    key = {"participant_id": participant.id, "page_number": page.number}
-    filled: set[Table] = set()
-    for table, rows in (
-        (ratings, _rating_rows(content.ratings)),
-        (predictions, _rows(content.predictions, Prediction)),
-        (drives, _drive_rows(content.drive)),
-        (events, _event_rows(content.events, page)),
-    ):
-        if rows:
-            connection.execute(_INSERTS[table], [key | values for values in rows])
-            filled.add(table)
-    return _OF_PAGES - filled
+    row = {"number": page.number, "kind": page.kind, "trial_number": page.trial_number, "nonce": nonce}
+    key = {"page_number": page.number}
+    rows: dict[Table, list[dict[str, object]]] = {
+        pages: [row | {"submitted_at": now}],
+        ratings: [key | values for values in _rating_rows(content.ratings)],
+        predictions: [key | values for values in _rows(content.predictions, Prediction)],
+        drives: [key | values for values in _drive_rows(content.drive)],
+        events: [key | values for values in _event_rows(content.events, page)],
+    }
+    for table, of_table in rows.items():
+        if of_table:
+            connection.execute(_INSERTS[table], [{"participant_id": participant.id} | values for values in of_table])
+    return {table: as_stored(table, of_table) for table, of_table in rows.items()}
 
 
 def insert_answers(
@@ -76,22 +78,26 @@ def touch(connection: Connection, participant: Participant, now: datetime, **cha
         resume_slot(connection, participant.scope, participant.subject, now)
 
 
+def go_on(connection: Connection, participant: Participant, now: datetime, **changes: datetime | None) -> bool:
+    """Note a sign of life, as `touch`, of somebody in progress who is as far as when they were read.
+
+    Returns:
+        Whether it was noted. If not, it takes a closer look to tell what is different, or special about them.
+    """
+    if participant.was_ended_early or participant.slot_released_at is not None:
+        return False
+    wanted = {"whose": participant.id, "whose_salt": participant.salt, "stored": participant.num_stored}
+    return bool(connection.execute(_GO_ON, {**wanted, "now": now, **changes}).rowcount)
+
+
 def insert_step(
     connection: Connection, participant_id: int, page: Page, step: DriveStep, number: int, now: datetime
 ) -> None:
     """Insert one action of a drive under its number within the page."""
     row = {"number": number, "action": step.action, "elapsed_ms": step.elapsed_ms}
     of_page = {"participant_id": participant_id, "page_number": page.number, "page_kind": page.kind}
-    trial = trial_number(connection, participant_id, page)
-    connection.execute(_INSERTS[drive_steps], {**of_page, **row, "trial_number": trial, "received_at": now})
-
-
-def trial_number(connection: Connection, participant_id: int, page: Page) -> int | None:
-    """Return the number of the trial that a page belongs to; None before the trials."""
-    if page.trial is None:
-        return None
-    wanted = {"whose": participant_id, "experiment": page.trial.experiment, "position": page.trial.position}
-    return int(connection.execute(_TRIAL_NUMBER, wanted).scalar_one())
+    told = {"trial_number": page.trial_number, "received_at": now}
+    connection.execute(_INSERTS[drive_steps], {**of_page, **row, **told})
 
 
 def _rows(entries: Sequence[Answer] | Sequence[Prediction], kind: type[Answer | Prediction]) -> list[dict[str, object]]:

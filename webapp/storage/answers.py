@@ -6,7 +6,7 @@ from typing import Literal
 
 from sqlalchemy import Connection, select
 
-from webapp.storage.answer_rows import insert_answers, insert_page, insert_step, touch
+from webapp.storage.answer_rows import go_on, insert_answers, insert_page, insert_step, touch
 from webapp.storage.contents import Stored, attempt_rows, page_rows, step_rows
 from webapp.storage.database import Database
 from webapp.storage.participants import Participant, read_participant
@@ -45,6 +45,10 @@ def store_page(
     """
     _check(page, content)
     with database.write() as connection:
+        ending = _ending(participant, page, content, now)
+        if _is_plain(participant, page, content) and go_on(connection, participant, now, **ending):
+            _keep_page(connection, participant, page, nonce, content, None, now)
+            return "accept"
         fresh, outcome = _decide(connection, participant, page)
         if fresh is None or outcome != "accept":
             return outcome
@@ -160,17 +164,23 @@ def _end_page(
     attempt: int | None,
     now: datetime,
 ) -> None:
-    unfilled = insert_page(connection, participant, page, nonce, content, now)
-    is_last = page.number == participant.num_pages and not content.screens_out
-    touch(
-        connection,
-        participant,
-        now,
-        completed_at=now if is_last else None,
-        screened_out_at=now if content.screens_out else None,
-    )
-    source, may_end = Stored(connection, empty=unfilled), is_last or content.screens_out
-    rows = page_rows(source, participant.id, page.number, attempt, may_end=may_end)
+    touch(connection, participant, now, **_ending(participant, page, content, now))
+    _keep_page(connection, participant, page, nonce, content, attempt, now)
+
+
+def _keep_page(
+    connection: Connection,
+    participant: Participant,
+    page: Page,
+    nonce: str,
+    content: PageContent,
+    attempt: int | None,
+    now: datetime,
+) -> None:
+    written = insert_page(connection, participant, page, nonce, content, now)
+    ending = _ending(participant, page, content, now)
+    ended = [ending] if any(ending.values()) else []
+    rows = page_rows(Stored(connection, written), participant.id, page.number, attempt, ended)
     _record(connection, participant, page, Entry(now, PARTICIPANT, "sent", part=attempt, rows=rows))
 
 
@@ -185,6 +195,18 @@ def _check(page: Page, content: PageContent) -> None:
         raise ValueError(f"a drive's result belongs to its page and to no other, and this is {page.kind!r}")
     if bool(content.predictions) != (page.kind == "probe"):
         raise ValueError(f"predictions belong to probe pages and to no others, and this is {page.kind!r}")
+
+
+def _is_plain(participant: Participant, page: Page, content: PageContent) -> bool:
+    """Tell whether all that can keep a page from being stored is that its participant is not at it any more."""
+    is_due = decide(page.number, participant.num_stored, participant.num_pages) == "accept"
+    return is_due and content.is_final and not content.answers and content.drive is None
+
+
+def _ending(participant: Participant, page: Page, content: PageContent, now: datetime) -> dict[str, datetime | None]:
+    """Return when the study is over for whoever sends a page, and in which way; None for neither."""
+    is_last = page.number == participant.num_pages and not content.screens_out
+    return {"completed_at": now if is_last else None, "screened_out_at": now if content.screens_out else None}
 
 
 def _decide(connection: Connection, participant: Participant, page: Page) -> tuple[Participant | None, Outcome]:

@@ -1,7 +1,7 @@
 """What a record of a participant's doings tells: the rows that were stored, as they stand in the tables."""
 
 from collections import OrderedDict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from typing import Any, Protocol
 
@@ -49,20 +49,20 @@ class Source(Protocol):
 class Stored:
     """Rows as one needs them: for what was written just now."""
 
-    def __init__(self, connection: Connection, *, empty: Collection[Table] = ()) -> None:
+    def __init__(self, connection: Connection, written: Mapping[Table, Sequence[_Row]] | None = None) -> None:
         """Read within a transaction.
 
         Args:
             connection: The transaction.
-            empty: Tables that have none of the rows to be asked for; they are not asked.
+            written: By table, all rows to be asked for, where they are known; these tables are not asked.
         """
         self._connection = connection
-        self._empty = empty
+        self._written = written or {}
 
     def rows(self, table: Table, participant_id: int, **wanted: int) -> Sequence[_Row]:
         """Ask for these rows alone."""
-        if table in self._empty:
-            return []
+        if table in self._written:
+            return self._written[table]
         found = self._connection.execute(_rows_with(table, *wanted), {"owner_": participant_id, **wanted})
         return [dict(row) for row in found.mappings()]
 
@@ -101,6 +101,13 @@ class Remembered:
         return found
 
 
+def as_stored(table: Table, rows: Iterable[_Row]) -> Sequence[_Row]:
+    """Return one participant's rows, given as they were inserted, as `Source` does: whole, in the same order."""
+    names, key = _names(table)
+    whole = [{name: row.get(name) for name in names} for row in rows]
+    return sorted(whole, key=lambda row: tuple(row[name] for name in key))
+
+
 def consent_rows(source: Source, participant_id: int) -> _Rows:
     """Return what is stored with a consent."""
     (person,) = source.rows(participants, participant_id) or ({},)
@@ -120,7 +127,9 @@ def step_rows(source: Source, participant_id: int, page: int, number: int) -> _R
     return {"drive_steps": source.rows(drive_steps, participant_id, page_number=page, number=number)}
 
 
-def page_rows(source: Source, participant_id: int, page: int, attempt: int | None, *, may_end: bool = True) -> _Rows:
+def page_rows(
+    source: Source, participant_id: int, page: int, attempt: int | None, ended: Sequence[_Row] | None = None
+) -> _Rows:
     """Return what is stored with a page that was sent: of its answers, those of the last attempt.
 
     Args:
@@ -128,7 +137,7 @@ def page_rows(source: Source, participant_id: int, page: int, attempt: int | Non
         participant_id: Whose page it is.
         page: Its number.
         attempt: The number of the last attempt at its questions; None where it has none.
-        may_end: False where it is known that the study did not end with it, and need not be asked.
+        ended: Whether and when the study ended with it, as `_ending` tells, where that need not be asked.
     """
     of_page = {
         table.name: source.rows(table, participant_id, page_number=page)
@@ -137,12 +146,12 @@ def page_rows(source: Source, participant_id: int, page: int, attempt: int | Non
     found = {
         **of_page,
         "pages": source.rows(pages, participant_id, number=page),
-        **(_ending(source, participant_id, page) if may_end else {"ended": []}),
+        "ended": _ending(source, participant_id, page) if ended is None else ended,
     }
     return found if attempt is None else {**found, **attempt_rows(source, participant_id, page, attempt)}
 
 
-def _ending(source: Source, participant_id: int, page: int) -> _Rows:
+def _ending(source: Source, participant_id: int, page: int) -> Sequence[_Row]:
     """Return whether and when the study ended with a page, if it is the last one there is."""
     is_last = page == max((row["number"] for row in source.rows(pages, participant_id)), default=0)
     person = source.rows(participants, participant_id) if is_last else ()
@@ -153,7 +162,15 @@ def _ending(source: Source, participant_id: int, page: int) -> _Rows:
         }
         for row in person
     ]
-    return {"ended": [entry for entry in ended if any(entry.values())]}
+    return [entry for entry in ended if any(entry.values())]
+
+
+@cache
+def _names(table: Table) -> tuple[Sequence[str], Sequence[str]]:
+    """Return the columns that rows are told with, and those of them that they are ordered by."""
+    owner = _owner(table)
+    names = [column.name for column in table.columns if column.name != owner]
+    return names, [column.name for column in table.primary_key.columns if column.name != owner]
 
 
 @cache

@@ -62,6 +62,12 @@ class Database:
         with self.edition.reading() as connection:
             yield connection
 
+    @contextmanager
+    def look(self) -> Iterator[Connection]:
+        """Open a connection for a single question: each statement on it sees a state of its own. Nothing is written."""
+        with self.edition.looking() as connection:
+            yield connection
+
     def prepare(self) -> None:
         """Make the tables where there are none at all, and make sure that they are this program's.
 

@@ -54,6 +54,9 @@ class Edition(Protocol):
             is_long: Whether it may take as long as it likes.
         """
 
+    def looking(self) -> AbstractContextManager[Connection]:
+        """Open a connection on which each statement that reads sees a state of its own, which takes less time."""
+
     def probe(self) -> None:
         """Write something and undo it."""
 

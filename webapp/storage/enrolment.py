@@ -4,11 +4,11 @@ import secrets
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import cast
+from typing import Any
 
-from sqlalchemy import Connection, insert, select
+from sqlalchemy import Connection, Table, insert, select
 
-from webapp.storage.contents import Stored, consent_rows
+from webapp.storage.contents import Stored, as_stored, consent_rows
 from webapp.storage.database import Database
 from webapp.storage.ledger import allocate, release_abandoned, taken_places
 from webapp.storage.participants import Participant, read_participant
@@ -23,6 +23,10 @@ from webapp.study.session import pages as all_pages
 
 _CODE_ALPHABET = "23456789abcdefghjkmnpqrstvwxyz"
 _CODE_LENGTH = 10
+
+# Every consent needs these; putting them together takes longer than asking.
+_INSERTS = {table: insert(table) for table in (participants, recruits, arrangements, trials)}
+_STORED = [name for name in Participant.__slots__ if name not in {"id", "num_stored", "has_restarts"}]
 
 
 class AlreadyTookPartError(RuntimeError):
@@ -85,22 +89,21 @@ def enrol(database: Database, enrolment: Enrolment, now: datetime) -> Participan
         release_abandoned(connection, enrolment.scope, enrolment.study.lease_minutes, now)
         _refuse_beyond_quota(connection, enrolment, now)
         allocation = allocate(connection, enrolment.study, enrolment.scope, Draws(secrets.token_hex(32)))
-        num_pages = len(all_pages(enrolment.study, allocation.trials))
-        participant_id = _insert_participant(connection, enrolment, num_pages, now)
-        _insert_recruit(connection, enrolment, participant_id)
-        connection.execute(insert(arrangements), _arrangement_rows(participant_id, allocation.chosen))
-        connection.execute(insert(trials), _trial_rows(participant_id, allocation.trials))
-        stored = read_participant(connection, enrolment.token_hash)
-        assert stored is not None  # noqa: S101 - for the type checker: it was inserted just now
-        drawn = Entry(now, SYSTEM, "allocated", enrolment.scope, stored.subject, content=allocation.content)
-        agreed = Entry(
-            now,
-            PARTICIPANT,
-            "consented",
-            enrolment.scope,
-            stored.subject,
-            rows=consent_rows(Stored(connection), stored.id),
+        stored, person = _insert_participant(
+            connection, enrolment, len(all_pages(enrolment.study, allocation.trials)), now
         )
+        written: dict[Table, Sequence[Mapping[str, object]]] = {participants: [person]}
+        for table, rows in (
+            (recruits, _recruit_rows(enrolment)),
+            (arrangements, _arrangement_rows(allocation.chosen)),
+            (trials, _trial_rows(allocation.trials)),
+        ):
+            if rows:
+                connection.execute(_INSERTS[table], [{**row, "participant_id": stored.id} for row in rows])
+            written[table] = as_stored(table, rows)
+        drawn = Entry(now, SYSTEM, "allocated", enrolment.scope, stored.subject, content=allocation.content)
+        told = consent_rows(Stored(connection, written), stored.id)
+        agreed = Entry(now, PARTICIPANT, "consented", enrolment.scope, stored.subject, rows=told)
         append(connection, drawn)
         append(connection, agreed)
     return stored
@@ -111,7 +114,7 @@ def find_recruit(database: Database, participant: Participant) -> Recruit | None
     query = select(
         recruits.c.service, recruits.c.external_id, recruits.c.external_study, recruits.c.external_session
     ).where(recruits.c.participant_id == participant.id)
-    with database.read() as connection:
+    with database.look() as connection:
         row = connection.execute(query).one_or_none()
     return None if row is None else Recruit(*row)
 
@@ -135,49 +138,47 @@ def _refuse_beyond_quota(connection: Connection, enrolment: Enrolment, now: date
         raise StudyFullError(f"{quota} places are taken, as many as there are")
 
 
-def _insert_participant(connection: Connection, enrolment: Enrolment, num_pages: int, now: datetime) -> int:
-    result = connection.execute(
-        insert(participants).values(
-            code="".join(secrets.choice(_CODE_ALPHABET) for _ in range(_CODE_LENGTH)),
-            token_hash=enrolment.token_hash,
-            mode=enrolment.mode,
-            study=enrolment.study.name,
-            study_version=enrolment.study_version,
-            consent_version=enrolment.study.consent_version,
-            language=enrolment.language,
-            translation=enrolment.study.validation(enrolment.language),
-            guardian_agreed=enrolment.guardian_agreed,
-            num_pages=num_pages,
-            consented_at=now,
-            last_seen_at=now,
-            salt=secrets.token_hex(16),
-        )
-    )
+def _insert_participant(
+    connection: Connection, enrolment: Enrolment, num_pages: int, now: datetime
+) -> tuple[Participant, Mapping[str, Any]]:
+    """Return the participant, and the row but for its number."""
+    row: dict[str, Any] = {
+        "code": "".join(secrets.choice(_CODE_ALPHABET) for _ in range(_CODE_LENGTH)),
+        "token_hash": enrolment.token_hash,
+        "mode": enrolment.mode,
+        "study": enrolment.study.name,
+        "study_version": enrolment.study_version,
+        "consent_version": enrolment.study.consent_version,
+        "language": enrolment.language,
+        "translation": enrolment.study.validation(enrolment.language),
+        "guardian_agreed": enrolment.guardian_agreed,
+        "num_pages": num_pages,
+        "consented_at": now,
+        "last_seen_at": now,
+        "salt": secrets.token_hex(16),
+    }
+    result = connection.execute(_INSERTS[participants], row)
     assert result.inserted_primary_key is not None  # noqa: S101 - for the type checker: an insert of one row
-    return cast("int", result.inserted_primary_key[0])
+    known: dict[str, Any] = {name: row.get(name) for name in _STORED}
+    return Participant(id=result.inserted_primary_key[0], num_stored=0, **known), row
 
 
-def _insert_recruit(connection: Connection, enrolment: Enrolment, participant_id: int) -> None:
-    if enrolment.recruit is not None:
-        row = {name: getattr(enrolment.recruit, name) for name in Recruit.__slots__}
-        key = {"participant_id": participant_id, "study": enrolment.study.name, "mode": enrolment.mode}
-        connection.execute(insert(recruits).values(key | row))
+def _recruit_rows(enrolment: Enrolment) -> Sequence[Mapping[str, object]]:
+    if enrolment.recruit is None:
+        return ()
+    row = {name: getattr(enrolment.recruit, name) for name in Recruit.__slots__}
+    return [row | {"study": enrolment.study.name, "mode": enrolment.mode}]
 
 
-def _arrangement_rows(participant_id: int, chosen: Mapping[str, Assignment]) -> list[dict[str, object]]:
+def _arrangement_rows(chosen: Mapping[str, Assignment]) -> Sequence[Mapping[str, object]]:
     return [
-        {
-            "participant_id": participant_id,
-            "experiment": experiment,
-            "arrangement": assignment.arrangement,
-            "layout_order": assignment.layout_order,
-        }
+        {"experiment": experiment, "arrangement": assignment.arrangement, "layout_order": assignment.layout_order}
         for experiment, assignment in chosen.items()
     ]
 
 
-def _trial_rows(participant_id: int, planned: Sequence[Trial]) -> list[dict[str, object]]:
+def _trial_rows(planned: Sequence[Trial]) -> Sequence[Mapping[str, object]]:
     return [
-        {"participant_id": participant_id, "number": number} | {name: getattr(trial, name) for name in Trial.__slots__}
+        {"number": number} | {name: getattr(trial, name) for name in Trial.__slots__}
         for number, trial in enumerate(planned, start=1)
     ]

@@ -11,11 +11,41 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 
-from sqlalchemy import Connection, NestedTransaction
+from sqlalchemy import Connection
 from sqlalchemy.exc import DBAPIError, OperationalError, SQLAlchemyError
 
 MAX_MEMBERS = 32
 """How many turns share a commit at most, so that the first of them does not wait for a crowd."""
+
+# In words of SQL: SQLAlchemy puts its own savepoints together anew each time, which takes longer than setting them.
+_SET, _RELEASE, _GO_BACK = "SAVEPOINT turn", "RELEASE SAVEPOINT turn", "ROLLBACK TO SAVEPOINT turn"
+
+
+class _Signal:
+    """Something that is given once, and waited for by any number of threads: a `threading.Event` of one lock.
+
+    An event has three, which wakes threads that cannot go on yet.
+
+    Attributes:
+        is_given: Whether it was.
+    """
+
+    __slots__ = ("_gate", "is_given")
+
+    def __init__(self) -> None:
+        self.is_given = False
+        self._gate = threading.Lock()
+        self._gate.acquire()
+
+    def give(self) -> None:
+        """Let all who wait go on."""
+        self.is_given = True
+        self._gate.release()
+
+    def wait(self) -> None:
+        """Return when it was given."""
+        with self._gate:
+            pass
 
 
 class GroupCommit:
@@ -38,7 +68,7 @@ class GroupCommit:
         self._max_members = max_members
         self._lock = threading.Lock()
         self._is_taken = False
-        self._waiting: deque[threading.Event] = deque()
+        self._waiting: deque[_Signal] = deque()
         # The open transaction. It belongs to whoever has the turn.
         self._group: _Group | None = None
 
@@ -80,20 +110,20 @@ class GroupCommit:
             self._end_turn()
 
     def _take_turn(self) -> None:
-        given = threading.Event()
+        turn = _Signal()
         try:
             with self._lock:
                 if self._is_taken:
-                    self._waiting.append(given)
+                    self._waiting.append(turn)
                 else:
-                    given.set()
+                    turn.give()
                     self._is_taken = True
-            given.wait()
+            turn.wait()
         except BaseException:  # Such as Ctrl-C. If the turn was given meanwhile, somebody has to commit.
             with self._lock:
-                if given in self._waiting:
-                    self._waiting.remove(given)
-            if given.is_set():
+                if turn in self._waiting:
+                    self._waiting.remove(turn)
+            if turn.is_given:
                 self._end_turn()
             raise
 
@@ -112,7 +142,7 @@ class GroupCommit:
         """Give the turn to whoever waits longest, and tell whether there was anybody."""
         with self._lock:
             if self._waiting:
-                self._waiting.popleft().set()
+                self._waiting.popleft().give()
                 return True
             self._is_taken = not or_free
             return False
@@ -144,30 +174,33 @@ class _Group:
         self.num_members = 0
         self.broken_by: BaseException | None = None
         self._transaction = transaction
-        self._finished = threading.Event()
+        self._finished = _Signal()
 
     @contextmanager
     def part(self) -> Iterator[None]:
         """Undo what one member does if it fails; the first is alone in the transaction and needs no savepoint."""
-        savepoint: NestedTransaction | None = None
+        has_savepoint = False
         try:
-            savepoint = None if self.num_members == 1 else self.connection.begin_nested()
+            if self.num_members > 1:
+                self.connection.exec_driver_sql(_SET)
+                has_savepoint = True
             yield
         except BaseException as error:
-            if savepoint is None or not self._undo(savepoint):
+            if not has_savepoint or not self._undo():
                 self.broken_by = error
             raise
         try:
-            if savepoint is not None:
-                savepoint.commit()
+            if has_savepoint:
+                self.connection.exec_driver_sql(_RELEASE)
         except BaseException as error:
             self.broken_by = error
             raise
 
-    def _undo(self, savepoint: NestedTransaction) -> bool:
-        """Go back to a savepoint; some errors, such as a lost connection, have ended the whole transaction."""
+    def _undo(self) -> bool:
+        """Go back to the savepoint; some errors, such as a lost connection, have ended the whole transaction."""
         try:
-            savepoint.rollback()
+            self.connection.exec_driver_sql(_GO_BACK)
+            self.connection.exec_driver_sql(_RELEASE)
         except SQLAlchemyError:
             return False
         return not self.connection.invalidated
@@ -186,7 +219,7 @@ class _Group:
             self.broken_by = error
             raise
         finally:
-            self._finished.set()
+            self._finished.give()
 
     def wait(self, error: Exception | None = None) -> None:
         """Return when everything is on disk, or raise, from an error that would be raised otherwise."""

@@ -49,7 +49,7 @@ def database_findings(path: Path, url: str | None, backups: Path, now: datetime)
         now: The time.
     """
     started = time.time() - time.monotonic()
-    yield versions()
+    yield versions(with_sqlite=url is None)
     if url is None and not path.exists():
         yield Finding("database", "warning", f"there is no {path} yet", "`xar serve` or `xar migrate` makes one")
         return
@@ -73,13 +73,14 @@ def database_findings(path: Path, url: str | None, backups: Path, now: datetime)
     yield from unvouched(backups)
 
 
-def versions() -> Finding:
-    """Say what runs here, and which journal that means."""
+def versions(*, with_sqlite: bool) -> Finding:
+    """Say what runs here, and which journal SQLite's version means. PostgreSQL's stands with its settings."""
+    told = f"xar {running_program().version}, Python {'.'.join(map(str, sys.version_info[:3]))}"
+    if not with_sqlite:
+        return Finding("versions", "ok", told)
     journal = journal_mode(sqlite3.sqlite_version_info)
     means = "write-ahead log" if journal == "wal" else "rollback journal, as this version can lose commits with a log"
-    python = ".".join(map(str, sys.version_info[:3]))
-    told = f"xar {running_program().version}, Python {python}, SQLite {sqlite3.sqlite_version}: {means}"
-    return Finding("versions", "ok", told)
+    return Finding("versions", "ok", f"{told}, SQLite {sqlite3.sqlite_version}: {means}")
 
 
 def pragmas(database: Database) -> Finding:

@@ -5,7 +5,6 @@ from datetime import datetime
 
 from sqlalchemy import Column, Connection, func, insert, select, update
 
-from webapp.storage.answer_rows import trial_number
 from webapp.storage.contents import Stored, page_rows
 from webapp.storage.database import Database
 from webapp.storage.ledger import resume_slot
@@ -26,8 +25,7 @@ def release_page(database: Database, code: str, page: Page, reason: str, actor: 
     with database.write() as connection:
         person = _at_page(connection, code, page.number)
         row = {"participant_id": person.id, "number": page.number, "kind": page.kind, "submitted_at": now}
-        trial = trial_number(connection, person.id, page)
-        connection.execute(insert(pages).values(**row, trial_number=trial, nonce=secrets.token_hex(16)))
+        connection.execute(insert(pages).values(**row, trial_number=page.trial_number, nonce=secrets.token_hex(16)))
         if page.number == person.num_pages:
             ended = update(participants).where(participants.c.id == person.id).values(completed_at=now)
             connection.execute(ended)

@@ -98,7 +98,7 @@ def hash_token(token: str) -> str:
 
 def find_participant(database: Database, token_hash: str) -> Participant | None:
     """Return the participant whose cookie, or link made by a researcher, holds the token of this hash, or None."""
-    with database.read() as connection:
+    with database.look() as connection:
         return read_participant(connection, token_hash)
 
 

@@ -54,8 +54,10 @@ def check_password(password: str, name: str) -> None:
     Raises:
         WeakPasswordError: It is too short, too long, or consists of what is tried first.
     """
-    if not MIN_LENGTH <= len(password) <= MAX_LENGTH:
+    if len(password) < MIN_LENGTH:
         raise WeakPasswordError(f"a password needs at least {MIN_LENGTH} characters, not {len(password)}")
+    if len(password) > MAX_LENGTH:
+        raise WeakPasswordError(f"a password has at most {MAX_LENGTH:,} characters, not {len(password):,}")
     if is_easy(password, name):
         wish = "use several words that have nothing to do with each other"
         raise WeakPasswordError(f"the password consists of what is tried first, such as common words and runs; {wish}")

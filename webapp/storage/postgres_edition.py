@@ -71,6 +71,7 @@ class PostgresEdition:
         self.told = f"{address.database or 'of PostgreSQL'} on {address.host or 'this machine'}"
         self._engine = _engine(address)
         self._reads = self._engine.execution_options(isolation_level="REPEATABLE READ", postgresql_readonly=True)
+        self._looks = self._engine.execution_options(isolation_level="AUTOCOMMIT")
         try:
             with self.reading() as connection:
                 _check_server(connection, self.told)
@@ -101,6 +102,12 @@ class PostgresEdition:
                 connection.execute(text("SET LOCAL idle_in_transaction_session_timeout = 0"))
             with _cursors_closed(connection):
                 yield connection
+
+    @contextmanager
+    def looking(self) -> Iterator[Connection]:
+        """Open a connection on which each statement that reads sees a state of its own."""
+        with _no_wait_without_end(), self._looks.connect() as connection:
+            yield connection
 
     def probe(self) -> None:
         """Write a row again as it is, and undo it; nobody who writes answers is waited for."""

@@ -18,6 +18,9 @@ from webapp.storage.editions import DatabaseError, UnavailableError
 BUSY_TIMEOUT_S = 10
 """How long a connection waits for another process that holds the database."""
 
+# The option of connections that begin no transaction.
+_LOOKS = "xar_looks"
+
 
 def journal_mode(version: tuple[int, int, int]) -> str:
     """Return the journal that keeps every commit on this version of SQLite.
@@ -52,6 +55,7 @@ class SqliteEdition:
             raise DatabaseError(f"the database {path} cannot be opened: {error.strerror}") from error
         self._writer = _engine(path, writes=True)
         self._readers = _engine(path, writes=False)
+        self._lookers = self._readers.execution_options(**{_LOOKS: True})
         try:
             with self._writer.connect() as connection:
                 _choose_journal(connection, path)
@@ -70,6 +74,10 @@ class SqliteEdition:
         """Open a transaction that sees one state throughout."""
         with self._readers.begin() as connection:
             yield connection
+
+    def looking(self) -> AbstractContextManager[Connection]:
+        """Open a connection on which each statement that reads sees a state of its own."""
+        return self._lookers.connect()
 
     def probe(self) -> None:
         """Begin to make a table and undo it."""
@@ -122,6 +130,8 @@ def _engine(path: Path, *, writes: bool) -> Engine:
 
     @event.listens_for(engine, "begin")
     def _begin(connection: Connection) -> None:
+        if connection.get_execution_options().get(_LOOKS):
+            return
         # A transaction that reads first and writes later could otherwise fail half-way.
         connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 

@@ -22,28 +22,31 @@ _SYNCED = re.compile(
 _HEADER = b"SQLite format 3\x00"
 
 
-def folder_findings(database: Path, *, is_served: bool) -> Iterator[Finding]:
+def folder_findings(database: Path, *, is_served: bool, holds_answers: bool = True) -> Iterator[Finding]:
     """Check the folder of an instance and what it lies on.
 
     Args:
-        database: The file, whether it is there or not; its folder is the instance.
+        database: The file of the SQLite edition, whether it is there or not; its folder is the instance in both.
         is_served: Whether a server runs.
+        holds_answers: Whether they are in that file; if not, in PostgreSQL.
     """
     instance = database.parent
-    yield disk(instance)
+    yield disk(instance, holds_answers=holds_answers)
     yield from permissions(instance)
     yield secret_key(instance)
     yield from place(instance)
-    yield from left_behind(database, is_served=is_served)
-    yield holders(database)
+    yield from left_behind(database, is_served=is_served or not holds_answers)
+    if holds_answers:
+        yield holders(database)
 
 
-def disk(folder: Path) -> Finding:
+def disk(folder: Path, *, holds_answers: bool = True) -> Finding:
     """Check that there is room."""
     free = shutil.disk_usage(folder).free // 10**6
     told = f"{free:,} MB free"
     if free < MIN_FREE_MB:
-        return Finding("disk", "problem", told, "make room: on a full disk no answer can be stored")
+        full = "no answer can be stored" if holds_answers else "no study can be built and no backup made"
+        return Finding("disk", "problem", told, f"make room: on a full disk {full}")
     if free < 4 * MIN_FREE_MB:
         return Finding("disk", "warning", told, "make room before the study begins")
     return Finding("disk", "ok", told)

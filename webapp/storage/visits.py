@@ -57,6 +57,12 @@ class RecentTrials:
 
 def find_visit(database: Database, token_hash: str, recent: RecentTrials) -> StoredVisit | None:
     """Return what is stored of the participant whose token has this hash, as of one moment, or None."""
+    with database.look() as connection:
+        participant = read_participant(connection, token_hash)
+        if participant is None:
+            return None
+        if not participant.has_restarts:
+            return StoredVisit(participant, recent.of(connection, participant), {})
     with database.read() as connection:
         participant = read_participant(connection, token_hash)
         if participant is None:

@@ -95,15 +95,19 @@ class Page:
         number: From 1.
         kind: What stands on it.
         trial: The trial it belongs to; None before the trials.
+        trial_number: Which of the participant's trials that is, from 1; None before the trials.
     """
 
     number: int
     kind: PageKind
     trial: Trial | None
+    trial_number: int | None = None
 
     def __post_init__(self) -> None:
         if (self.trial is None) != (self.kind in _BEFORE_THE_TRIALS):
             raise ValueError(f"a page of a trial has a trial and no other page has one, and this is {self.kind!r}")
+        if (self.trial is None) != (self.trial_number is None):
+            raise ValueError(f"a page has a trial and its number or neither, not {self.trial_number!r}")
 
 
 def plan_trials(study: Study, assignments: Mapping[str, Assignment], draw: Callable[[], int]) -> tuple[Trial, ...]:
@@ -134,10 +138,12 @@ def pages(study: Study, trials: Sequence[Trial]) -> tuple[Page, ...]:
         "practice": study.practice is not None,
         "quiz": study.quiz is not None,
     }
-    kinds: list[tuple[PageKind, Trial | None]] = [(kind, None) for kind, is_there in before.items() if is_there]
-    for trial in trials:
-        kinds += [(kind, trial) for kind in _kinds_of(study.experiment(trial.experiment), trial.kind)]
-    return tuple(Page(number, kind, trial) for number, (kind, trial) in enumerate(kinds, start=1))
+    kinds: list[tuple[PageKind, Trial | None, int | None]] = [
+        (kind, None, None) for kind, is_there in before.items() if is_there
+    ]
+    for trial_number, trial in enumerate(trials, start=1):
+        kinds += [(kind, trial, trial_number) for kind in _kinds_of(study.experiment(trial.experiment), trial.kind)]
+    return tuple(Page(number, *page) for number, page in enumerate(kinds, start=1))
 
 
 def _kinds_of(experiment: Experiment, kind: Kind) -> Iterator[PageKind]:

@@ -121,13 +121,21 @@ class _Number(float):
 
 
 def _traceback(error: BaseException) -> str:
-    """Return where an exception happened and of which kind it is, from its first cause on."""
+    """Return where an exception happened and of which kind it is, from its first cause on.
+
+    A cause is told without the places that what it led to passed through as well: what a database refuses is raised by
+    the driver and once more by SQLAlchemy, with the same places.
+    """
     told: list[str] = []
     seen: set[int] = set()
+    places: set[tuple[str, int | None, str]] = set()
     current: _Error = error
     while current is not None and id(current) not in seen:
         seen.add(id(current))
-        told.append("".join(traceback.format_tb(current.__traceback__)) + _kind(current))
+        frames = traceback.extract_tb(current.__traceback__)
+        fresh = [frame for frame in frames if (frame.filename, frame.lineno, frame.name) not in places]
+        places.update((frame.filename, frame.lineno, frame.name) for frame in frames)
+        told.append("".join(traceback.format_list(fresh)) + _kind(current))
         current = current.__cause__ or (None if current.__suppress_context__ else current.__context__)
     return "\n".join(reversed(told))
 

@@ -1,6 +1,6 @@
 """What holds for every request and every response: no forms from other sites, strict headers, closed cookies."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal
 from urllib.parse import urlsplit
 
@@ -26,7 +26,9 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "camera=(), display-capture=(), geolocation=(), microphone=(), payment=(), usb=()",
 }
-_STRICT_TRANSPORT = "max-age=31536000; includeSubDomains"
+_STRICT_TRANSPORT = {"Strict-Transport-Security": "max-age=31536000; includeSubDomains"}
+
+_App = Callable[..., Iterable[bytes]]
 
 
 class CrossSiteError(PermissionError):
@@ -40,19 +42,29 @@ def init_security(app: Flask, config: Config) -> None:
     app.before_request(refuse_other_sites)
     if config.https:
         app.wsgi_app = _as_https(app.wsgi_app)  # type: ignore[method-assign]
+    app.wsgi_app = _with_headers(app.wsgi_app, _STRICT_TRANSPORT if config.https else {})  # type: ignore[method-assign]
 
     @app.after_request
     def _complete(response: Response) -> Response:
-        response.headers.update(HEADERS)
-        if config.https:
-            response.headers["Strict-Transport-Security"] = _STRICT_TRANSPORT
         if not response.cache_control.immutable:
             response.headers["Cache-Control"] = "no-store"
             response.vary.add("Cookie")
         return response
 
 
-def _as_https(wsgi_app: Callable[..., Iterable[bytes]]) -> Callable[..., Iterable[bytes]]:
+def _with_headers(wsgi_app: _App, more: Mapping[str, str]) -> _App:
+    """Let every response have `HEADERS` and more, however it came about."""
+
+    def answer(environ: dict[str, Any], start_response: Callable[..., Any]) -> Iterable[bytes]:
+        def start(status: str, headers: Sequence[tuple[str, str]], *error: Any) -> Any:  # noqa: ANN401 - as WSGI has it.
+            return start_response(status, [*headers, *HEADERS.items(), *more.items()], *error)
+
+        return wsgi_app(environ, start)
+
+    return answer
+
+
+def _as_https(wsgi_app: _App) -> _App:
     """Let full addresses begin with https, whatever the proxy says: a personal link must not travel in the clear."""
 
     def answer(environ: dict[str, Any], start_response: Callable[..., Any]) -> Iterable[bytes]:

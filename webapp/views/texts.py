@@ -1,8 +1,10 @@
 """What every template finds: the study, its texts, the language, and who is signed in."""
 
+from collections.abc import MutableMapping
 from typing import Any
 
 from flask import Flask, g, request, session
+from flask.templating import Environment
 
 from webapp.stimuli.catalogue import Catalogue
 from webapp.study.texts import Texts
@@ -43,12 +45,26 @@ def catalogue() -> Catalogue:
     return found
 
 
+class _Environment(Environment):
+    """Templates whose global names are all known before the first of them is rendered."""
+
+    def make_globals(self, d: MutableMapping[str, Any] | None) -> MutableMapping[str, Any]:
+        """Return the names in one mapping, which is copied for each page: of a chain of two that takes long."""
+        return {**self.globals, **(d or {})}
+
+
 def init_texts(app: Flask) -> None:
-    """Give every template its common names."""
+    """Give every template its common names, and macros the texts: these are imported without the page's own names."""
+    app.jinja_environment = _Environment
+
+    @app.template_global("t")
+    def _text(key: str, /, **parameters: object) -> str:
+        t: Texts = g.texts
+        return t(key, **parameters)
 
     @app.context_processor
     def _common() -> dict[str, Any]:
-        t = texts()
+        t = g.texts = texts()
         study = catalogue().study
         researcher = g.get("researcher")
         return {

@@ -8,16 +8,20 @@ import pytest
 from sqlalchemy import Connection
 
 from tests.unit.storage.histories import EVERYTHING, History
-from tests.unit.storage.people import NOW, STUDY, at_once, enrol_somebody, send, walk
+from tests.unit.storage.people import NOW, STUDY, at_once, enrol_somebody, pages_of, send, walk
 from webapp.storage import live
 from webapp.storage.database import Database
 from webapp.storage.erasure import erase
+from webapp.storage.helping import release_page
 from webapp.storage.live import LiveNumbers
 from webapp.storage.live_person_numbers import PersonLine
 from webapp.storage.live_scopes import ScopePeople
 from webapp.storage.participants import withdraw
+from webapp.storage.people import exclude
 from webapp.storage.records import head
 from webapp.storage.scope import Scope
+from webapp.study.recruitment import Recruit
+from webapp.study.sections import Quality
 
 HERE = Scope(STUDY.name, "v1", "test")
 
@@ -90,6 +94,25 @@ def test_whoever_is_erased_leaves_nothing_even_if_the_number_is_given_to_somebod
     assert (after.counts.arrived, after.counts.completed) == (2, 0)
     assert {rating.mean for rating in after.ratings} == {3.0}
     assert numbers.person(STUDY, HERE, gone.code, NOW) is None
+
+
+def test_what_was_decided_about_somebody_goes_with_them_when_they_are_erased(database: Database) -> None:
+    """Who looks on is another process than the one that erases, and learns of it from the log alone."""
+    study, scope = STUDY.model_copy(update={"quality": Quality(duplicates=True)}), Scope(STUDY.name, "v1", "live")
+    twin = enrol_somebody(database, "live", study=study, recruit=Recruit("prolific", "a", None, "same session"))
+    gone = enrol_somebody(database, "live", study=study, recruit=Recruit("prolific", "b", None, "same session"))
+    release_page(database, gone.code, pages_of(database, gone, study)[0], "a reason", "ada", NOW)
+    exclude(database, gone.code, "a reason", "ada", NOW)
+    kept = LiveNumbers(database)
+    assert kept.overview(study, scope, NOW).quality[0].num_flagged == 2
+    erase(database, gone.code, "ada", NOW)
+    assert kept.overview(study, scope, NOW).quality[0].num_flagged == 0
+    newcomer = enrol_somebody(database, "live", study=study)
+    assert database.url is not None or newcomer.id == gone.id  # PostgreSQL gives no number twice.
+    send(database, newcomer, 1, study=study, now=NOW + timedelta(seconds=30))
+    lines = {line.code: line for line in kept.people(study, scope, NOW).lines}
+    assert {code: line.excluded for code, line in lines.items()} == {twin.code: None, newcomer.code: None}
+    assert asdict(kept.overview(study, scope, NOW)) == asdict(LiveNumbers(database).overview(study, scope, NOW))
 
 
 def test_scopes_are_counted_apart_and_the_others_participants_are_told(database: Database) -> None:
