@@ -5,12 +5,12 @@ import os
 import resource
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from flask import Flask
 from flask.helpers import get_debug_flag
@@ -21,6 +21,7 @@ from webapp.server_loop import Sockets
 from webapp.stimuli.catalogue import Catalogue, current_bundle
 from webapp.stimuli.program import running_program
 from webapp.stimuli.publication import check_published
+from webapp.storage.baton import Baton
 from webapp.storage.database import Database, DatabaseError, UnavailableError, UnreachableError
 from webapp.storage.instance import note_address, only_server, prepare_instance, secret_key
 from webapp.storage.live import LiveNumbers
@@ -38,6 +39,9 @@ from webapp.views.sessions import RareSessions
 from webapp.views.texts import init_texts
 from webapp.views.tokens import session_key
 
+if TYPE_CHECKING:
+    from wsgiref.types import StartResponse, WSGIEnvironment
+
 NUM_THREADS = 8
 MAX_CONNECTIONS = 1500
 """A browser keeps up to six connections open after a page; beyond this many in all, nobody new is let in."""
@@ -47,7 +51,11 @@ MAX_FORM_PARTS = 100
 _IDLE_S = 30
 # Above the app's own limit, so that somebody who sends too much is told so on one of our pages.
 _SERVER_MAX_BODY_BYTES = 6 * 1024 * 1024
+# Where an answer may take long: researchers', explanations that are asked for, what waits for a lock.
+_TAKE_LONGER = ("/researcher", "/ask", "/healthz")
 _LOGGER = logging.getLogger(__name__)
+
+_App = Callable[["WSGIEnvironment", "StartResponse"], Iterable[bytes]]
 
 
 def create_app(config: Config, *, clock: Callable[[], datetime] = utc_now) -> Flask:
@@ -72,6 +80,8 @@ def create_app(config: Config, *, clock: Callable[[], datetime] = utc_now) -> Fl
     init_texts(app)
     init_assets(app, _resources() / "static")
     init_errors(app)
+    if config.database_url is not None:
+        app.wsgi_app = _one_at_a_time(app.wsgi_app, services.database.baton)  # type: ignore[method-assign,assignment]
     for module in (arrival, participant, driving, ask, researcher, health):
         app.register_blueprint(module.bp)
     return app
@@ -136,6 +146,21 @@ def _open_services(config: Config, clock: Callable[[], datetime]) -> Services:
         reason = str(error.orig or error).strip().partition("\n")[0]
         raise UnreachableError(f"the database {database.edition.told} cannot be used now: {reason}") from error
     return Services(config, database, live, Bundles(config.instance / "bundles", catalogue), secret, clock)
+
+
+def _one_at_a_time(wsgi_app: _App, baton: Baton) -> _App:
+    """Let threads that answer participants take turns, where a page is a matter of milliseconds.
+
+    A form that comes in parts is a matter of whoever sends it; others are there by now, with waitress and with `wsgi`.
+    """
+
+    def answer(environ: "WSGIEnvironment", start_response: "StartResponse") -> Iterable[bytes]:
+        if environ["PATH_INFO"].startswith(_TAKE_LONGER) or "HTTP_TRANSFER_ENCODING" in environ:
+            return wsgi_app(environ, start_response)
+        with baton.held():
+            return wsgi_app(environ, start_response)
+
+    return answer
 
 
 def _configure_flask(app: Flask, services: Services) -> None:

@@ -4,6 +4,9 @@ Waitress asks every connection what it waits for, each time that anything happen
 once that takes longer than their requests do, and holds up the threads that answer them. This loop keeps what is waited
 for in a selector (epoll or kqueue). It asks a connection anew after an event on it, while a thread answers on it and
 once after that, and all of them once a second, since waitress marks idle connections for closing.
+
+Most requests come when the one before is answered. So the loop goes on listening while a thread answers, and is woken
+afterwards only where it has something to do; what comes too early makes it turn away from the connection till then.
 """
 
 import select
@@ -11,7 +14,8 @@ import selectors
 import threading
 import time
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 from waitress import wasyncore  # type: ignore[import-untyped]
@@ -27,6 +31,7 @@ class Sockets(dict[int, Any]):
         answering: The connections on which threads answer at the moment.
         answered: Those on which a thread has answered, until the loop asks them.
         thread: The number of the loop's thread.
+        served: In its `channel`, by thread, the connection on which the thread answers.
     """
 
     def __init__(self) -> None:
@@ -35,6 +40,7 @@ class Sockets(dict[int, Any]):
         self.answered: deque[Channel] = deque()
         self._selector = selectors.DefaultSelector()
         self.thread = 0
+        self.served = threading.local()
         self._waited_for: dict[int, int] = {}
         self._new: list[int] = []
         self._listening: list[int] = []
@@ -60,6 +66,7 @@ class Sockets(dict[int, Any]):
         for opened in self.values():
             if opened.accepting:
                 opened.channel_class = Channel
+                opened.pull_trigger = partial(self._wake, opened.pull_trigger)
         self._listening = [number for number, opened in self.items() if opened.accepting]
         ask_all = 0.0
         while True:
@@ -77,7 +84,7 @@ class Sockets(dict[int, Any]):
         for key, events in self._selector.select(_ASK_ALL_S):
             # An earlier event may have closed it, and a new connection may have got its number.
             if self.get(key.fd) is key.data:
-                readable = select.POLLIN if events & selectors.EVENT_READ else 0
+                readable = select.POLLIN if events & selectors.EVENT_READ and _may_read(key.data) else 0
                 writable = select.POLLOUT if events & selectors.EVENT_WRITE else 0
                 wasyncore.readwrite(key.data, readable | writable)
                 changed.add(key.fd)
@@ -94,10 +101,16 @@ class Sockets(dict[int, Any]):
         for number in numbers:
             opened = self.get(number)
             if opened is not None:
-                wanted = selectors.EVENT_READ if opened.readable() else 0
+                wanted = selectors.EVENT_READ if _listens(opened) else 0
                 if opened.writable() and not opened.accepting:
                     wanted |= selectors.EVENT_WRITE
                 self._wait_for(number, wanted, opened)
+
+    def _wake(self, pull: Callable[[], None]) -> None:
+        """Wake the loop, unless it is a thread that leaves it nothing to do."""
+        channel: Channel | None = getattr(self.served, "channel", None)
+        if channel is None or channel.needs_the_loop():
+            pull()
 
     def _wait_for(self, number: int, wanted: int, opened: Any) -> None:  # noqa: ANN401
         before = self._waited_for.get(number, 0)
@@ -112,18 +125,55 @@ class Sockets(dict[int, Any]):
         self._waited_for[number] = wanted
 
 
+def _may_read(opened: Any) -> bool:  # noqa: ANN401
+    """Tell whether what came can be read now; where it cannot, the loop turns away."""
+    if not isinstance(opened, Channel) or opened.readable():
+        return True
+    opened.has_more = True
+    return False
+
+
+def _listens(opened: Any) -> bool:  # noqa: ANN401
+    return bool(opened.listens() if isinstance(opened, Channel) else opened.readable())
+
+
 class Channel(HTTPChannel):  # type: ignore[misc]
-    """A connection that tells the loop while a thread answers on it, and when it has."""
+    """A connection that tells the loop while a thread answers on it, and when it has.
+
+    Attributes:
+        has_more: Whether something came that cannot be read before a thread has answered.
+        is_turned_away_from: Whether the loop does not listen, and has to be woken to do so.
+    """
+
+    has_more = False
+    is_turned_away_from = False
 
     def service(self) -> None:
         """Answer one request, in a thread."""
         sockets: Sockets = self._map
         sockets.answering.append(self)
+        sockets.served.channel = self
         try:
             super().service()
         finally:
+            sockets.served.channel = None
             sockets.answered.append(self)
             sockets.answering.remove(self)
+
+    def needs_the_loop(self) -> bool:
+        """Tell whether there is anything that a thread that answers leaves to the loop."""
+        is_unfinished = self.total_outbufs_len or self.will_close or self.close_when_flushed
+        return bool(self.is_turned_away_from or is_unfinished)
+
+    def listens(self) -> bool:
+        """Tell whether the loop should listen; it also does, until something comes, while a thread answers."""
+        # In this order: the thread looks whether the loop turned away after it has changed what is asked here.
+        self.is_turned_away_from = True
+        if self.readable():
+            self.has_more = self.is_turned_away_from = False
+            return True
+        self.is_turned_away_from = self.has_more
+        return not self.has_more
 
     def writable(self) -> bool:
         """Tell whether the loop should send; not while a thread does, which tells the loop if something is left."""

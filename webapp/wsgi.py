@@ -5,11 +5,12 @@ import os
 import sys
 import time
 from collections.abc import Iterable
+from io import BytesIO
 from typing import TYPE_CHECKING
 
 from flask import Flask
 
-from webapp.app import create_app
+from webapp.app import MAX_BODY_BYTES, create_app
 from webapp.config import Config, ConfigError, read_config
 from webapp.stimuli.catalogue import BundleError
 from webapp.storage.database import DatabaseError, UnreachableError
@@ -75,8 +76,12 @@ def _reading_to_the_end(app: Flask) -> Flask:
 
     def read_and_answer(environ: "WSGIEnvironment", start_response: "StartResponse") -> Iterable[bytes]:
         body, left = environ["wsgi.input"], _MAX_LEFT_BYTES
-        if int(environ.get("CONTENT_LENGTH") or 0) > left:
+        length = int(environ.get("CONTENT_LENGTH") or 0)
+        if length > left:
             return answer(environ, start_response)
+        if 0 < length <= MAX_BODY_BYTES:
+            # Whoever takes their time sending it holds up nobody.
+            environ["wsgi.input"] = BytesIO(body.read(length))
         answered, connection = answer(environ, start_response), environ["gunicorn.socket"]
         before = connection.gettimeout()
         connection.settimeout(_PART_WITHIN_S)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from sqlalchemy import Connection, inspect
 
+from webapp.storage.baton import Baton
 from webapp.storage.editions import DatabaseError, Edition, Place, UnavailableError, UnreachableError
 from webapp.storage.group_commit import GroupCommit
 from webapp.storage.instance import prepare_instance
@@ -34,6 +35,7 @@ class Database:
         path: The file of the SQLite edition. Its folder is the instance in both editions.
         url: The address of the PostgreSQL edition; None for the SQLite edition.
         edition: The kind of database.
+        baton: What a thread that works for a participant holds.
     """
 
     def __init__(self, path: Path, url: str | None = None) -> None:
@@ -44,7 +46,8 @@ class Database:
         """
         self.path, self.url = path, url
         self.edition: Edition = SqliteEdition(path) if url is None else _postgres(url)
-        self._turns = GroupCommit(self.edition.writing)
+        self.baton = Baton()
+        self._turns = GroupCommit(self.edition.writing, baton=self.baton)
 
     @contextmanager
     def write(self) -> Iterator[Connection]:

@@ -10,15 +10,30 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
+from typing import Any
 
 from sqlalchemy import Connection
 from sqlalchemy.exc import DBAPIError, OperationalError, SQLAlchemyError
+
+from webapp.storage.baton import Baton
 
 MAX_MEMBERS = 32
 """How many turns share a commit at most, so that the first of them does not wait for a crowd."""
 
 # In words of SQL: SQLAlchemy puts its own savepoints together anew each time, which takes longer than setting them.
-_SET, _RELEASE, _GO_BACK = "SAVEPOINT turn", "RELEASE SAVEPOINT turn", "ROLLBACK TO SAVEPOINT turn"
+# Each hides those of the same name before it, which need not be released: the commit does that.
+_SET, _GO_BACK = "SAVEPOINT turn", "ROLLBACK TO SAVEPOINT turn"
+_KEPT = "kept"
+
+
+def kept(connection: Connection) -> dict[str, Any]:
+    """Return what the turns of the open transaction keep for those after them; a turn that is undone empties it."""
+    current = connection.get_transaction()
+    transaction, found = connection.info.get(_KEPT, (None, None))
+    if found is None or transaction is not current:
+        connection.info[_KEPT] = current, (found := {})
+    kept_so_far: dict[str, Any] = found
+    return kept_so_far
 
 
 class _Signal:
@@ -55,17 +70,24 @@ class GroupCommit:
         num_commits: How many transactions were committed or undone so far, of however many turns each.
     """
 
-    def __init__(self, begin: Callable[[], AbstractContextManager[Connection]], max_members: int = MAX_MEMBERS) -> None:
+    def __init__(
+        self,
+        begin: Callable[[], AbstractContextManager[Connection]],
+        max_members: int = MAX_MEMBERS,
+        baton: Baton | None = None,
+    ) -> None:
         """Take turns.
 
         Args:
             begin: Opens the writing transaction; leaving its context commits, or undoes it where it is left with an
                 exception. It may be left by another thread than it was entered by. Only one is open at a time.
             max_members: How many turns share a commit at most.
+            baton: What threads that wait lay aside.
         """
         self.num_commits = 0
         self._begin = begin
         self._max_members = max_members
+        self._baton = baton or Baton()
         self._lock = threading.Lock()
         self._is_taken = False
         self._waiting: deque[_Signal] = deque()
@@ -118,7 +140,9 @@ class GroupCommit:
                 else:
                     turn.give()
                     self._is_taken = True
-            turn.wait()
+            if not turn.is_given:
+                with self._baton.aside():
+                    turn.wait()
         except BaseException:  # Such as Ctrl-C. If the turn was given meanwhile, somebody has to commit.
             with self._lock:
                 if turn in self._waiting:
@@ -133,10 +157,11 @@ class GroupCommit:
         may_grow = group is not None and group.broken_by is None and group.num_members < self._max_members
         if may_grow and self._pass_on():
             return
-        try:
-            self._finish()
-        finally:
-            self._pass_on(or_free=True)
+        with self._baton.aside():
+            try:
+                self._finish()
+            finally:
+                self._pass_on(or_free=True)
 
     def _pass_on(self, *, or_free: bool = False) -> bool:
         """Give the turn to whoever waits longest, and tell whether there was anybody."""
@@ -149,7 +174,8 @@ class GroupCommit:
 
     def _join(self) -> "_Group":
         if self._group is None:
-            self._group = _Group(self._begin())
+            with self._baton.aside():
+                self._group = _Group(self._begin(), self._baton)
         self._group.num_members += 1
         return self._group
 
@@ -169,11 +195,12 @@ class _Group:
         broken_by: Why nothing of it can be kept; None while it can.
     """
 
-    def __init__(self, transaction: AbstractContextManager[Connection]) -> None:
+    def __init__(self, transaction: AbstractContextManager[Connection], baton: Baton) -> None:
         self.connection = transaction.__enter__()
         self.num_members = 0
         self.broken_by: BaseException | None = None
         self._transaction = transaction
+        self._baton = baton
         self._finished = _Signal()
 
     @contextmanager
@@ -189,18 +216,12 @@ class _Group:
             if not has_savepoint or not self._undo():
                 self.broken_by = error
             raise
-        try:
-            if has_savepoint:
-                self.connection.exec_driver_sql(_RELEASE)
-        except BaseException as error:
-            self.broken_by = error
-            raise
 
     def _undo(self) -> bool:
         """Go back to the savepoint; some errors, such as a lost connection, have ended the whole transaction."""
         try:
+            self.connection.info.pop(_KEPT, None)
             self.connection.exec_driver_sql(_GO_BACK)
-            self.connection.exec_driver_sql(_RELEASE)
         except SQLAlchemyError:
             return False
         return not self.connection.invalidated
@@ -223,7 +244,9 @@ class _Group:
 
     def wait(self, error: Exception | None = None) -> None:
         """Return when everything is on disk, or raise, from an error that would be raised otherwise."""
-        self._finished.wait()
+        if not self._finished.is_given:
+            with self._baton.aside():
+                self._finished.wait()
         if self.broken_by is not None:
             raise _failure(self.broken_by) from error or self.broken_by
 
