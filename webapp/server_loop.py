@@ -20,8 +20,11 @@ from typing import Any
 
 from waitress import wasyncore  # type: ignore[import-untyped]
 from waitress.channel import HTTPChannel  # type: ignore[import-untyped]
+from waitress.task import ErrorTask, Task, WSGITask  # type: ignore[import-untyped]
 
 _ASK_ALL_S = 1.0
+# What a thread keeps back until it has answered, so that an answer goes out in one piece.
+_SEND_BYTES = 64 * 1024
 
 
 class Sockets(dict[int, Any]):
@@ -66,6 +69,7 @@ class Sockets(dict[int, Any]):
         for opened in self.values():
             if opened.accepting:
                 opened.channel_class = Channel
+                opened.adj.send_bytes = _SEND_BYTES
                 opened.pull_trigger = partial(self._wake, opened.pull_trigger)
         self._listening = [number for number, opened in self.items() if opened.accepting]
         ask_all = 0.0
@@ -137,6 +141,23 @@ def _listens(opened: Any) -> bool:  # noqa: ANN401
     return bool(opened.listens() if isinstance(opened, Channel) else opened.readable())
 
 
+class _InOnePiece(Task):  # type: ignore[misc]
+    """What a thread does for a request: in the end it sends what it kept back, while no other thread may send."""
+
+    def finish(self) -> None:
+        """End the answer."""
+        super().finish()
+        self.channel.send_rest()
+
+
+class _Answer(_InOnePiece, WSGITask):  # type: ignore[misc]
+    """An answer of the app."""
+
+
+class _Refusal(_InOnePiece, ErrorTask):  # type: ignore[misc]
+    """An answer to what is no request."""
+
+
 class Channel(HTTPChannel):  # type: ignore[misc]
     """A connection that tells the loop while a thread answers on it, and when it has.
 
@@ -145,6 +166,8 @@ class Channel(HTTPChannel):  # type: ignore[misc]
         is_turned_away_from: Whether the loop does not listen, and has to be woken to do so.
     """
 
+    task_class = _Answer
+    error_task_class = _Refusal
     has_more = False
     is_turned_away_from = False
 
@@ -159,6 +182,12 @@ class Channel(HTTPChannel):  # type: ignore[misc]
             sockets.served.channel = None
             sockets.answered.append(self)
             sockets.answering.remove(self)
+
+    def send_rest(self) -> None:
+        """Send, in a thread that answers, as much of what is left as the system takes."""
+        if self.total_outbufs_len:
+            with self.outbuf_lock:
+                self._flush_exception(self._flush_some, do_close=False)
 
     def needs_the_loop(self) -> bool:
         """Tell whether there is anything that a thread that answers leaves to the loop."""
@@ -177,6 +206,8 @@ class Channel(HTTPChannel):  # type: ignore[misc]
 
     def writable(self) -> bool:
         """Tell whether the loop should send; not while a thread does, which tells the loop if something is left."""
+        if self.requests and self.total_outbufs_len < self.adj.send_bytes:
+            return False
         if not super().writable() or not self.outbuf_lock.acquire(blocking=False):
             return False
         self.outbuf_lock.release()

@@ -153,7 +153,9 @@ def _people(condition: ColumnElement[bool]) -> Select[Any]:
         select(func.count()).select_from(pages).where(pages.c.participant_id == participants.c.id).scalar_subquery()
     )
     has_restarts = exists().where(page_restarts.c.participant_id == participants.c.id)
-    return select(participants, num_stored.label("num_stored"), has_restarts.label("has_restarts")).where(condition)
+    known = {**participants.c, "num_stored": num_stored, "has_restarts": has_restarts}
+    # As the attributes follow one another.
+    return select(*(known[name] for name in Participant.__slots__)).where(condition)
 
 
 def _of_token(token_hash: ColumnElement[str]) -> ColumnElement[bool]:
@@ -170,8 +172,8 @@ _TRIALS = select(trials).where(trials.c.participant_id == bindparam("wanted")).o
 def _read(connection: Connection, query: Select[Any], wanted: str) -> Participant | None:
     if "\0" in wanted:  # Nobody's code has a NUL, and PostgreSQL refuses to look for one.
         return None
-    row = connection.execute(query, {"wanted": wanted}).mappings().one_or_none()
-    return None if row is None else Participant(**{name: row[name] for name in Participant.__slots__})
+    row = connection.execute(query, {"wanted": wanted}).one_or_none()
+    return None if row is None else Participant(*row)
 
 
 def _trial(row: RowMapping) -> Trial:

@@ -23,7 +23,8 @@ NOTICES = {
 
 def wants_json() -> bool:
     """Tell whether a script of ours asks, which goes to the next page by itself."""
-    return request.accept_mimetypes.best == "application/json"
+    wanted = request.headers.get("Accept", "")
+    return "json" in wanted and request.accept_mimetypes.best == "application/json"
 
 
 def go_to(address: str) -> Response:

@@ -12,6 +12,8 @@ from pathlib import Path
 
 from flask import Flask, Response, abort, request
 
+from webapp.views.security import vary_by
+
 MAX_AGE_S = 365 * 24 * 3600
 # Below this a response is in its first packet either way.
 _MIN_PACKED_BYTES = 600
@@ -56,7 +58,7 @@ def _pack(response: Response) -> Response:
     """
     if response.mimetype not in _PACKED_TYPES or response.direct_passthrough or response.is_streamed:
         return response
-    response.vary.add("Accept-Encoding")
+    vary_by(response, "Accept-Encoding")
     content = response.get_data()
     if len(content) >= _MIN_PACKED_BYTES and request.accept_encodings["gzip"] > 0:
         response.set_data(gzip.compress(content, compresslevel=6, mtime=0))

@@ -1,8 +1,6 @@
 """The pages of the study, from the first after the consent to the thanks."""
 
-from io import BytesIO
-
-from flask import Blueprint, Response, abort, flash, render_template, request, send_file, url_for
+from flask import Blueprint, Response, abort, flash, render_template, request, url_for
 
 from webapp.storage.answers import store_page
 from webapp.storage.enrolment import find_recruit
@@ -19,7 +17,7 @@ from webapp.views.visit import load_participant, load_visit, place_after, place_
 
 bp = Blueprint("participant", __name__)
 
-PICTURE_MAX_AGE_S = 365 * 24 * 3600
+PICTURE_CACHE_CONTROL = f"public, max-age={365 * 24 * 3600}, immutable"
 
 
 @bp.get("/study")
@@ -117,15 +115,10 @@ def picture(digest: str) -> Response:
     found = services().bundles.picture(digest)
     if found is None:
         abort(404)
-    response = send_file(
-        BytesIO(found.content),
-        mimetype="image/png",
-        max_age=PICTURE_MAX_AGE_S,
-        etag=digest,
-        last_modified=found.changed_at,
-    )
-    response.cache_control.public = True
-    response.cache_control.immutable = True
+    response = Response(found.content, mimetype="image/png", headers={"Cache-Control": PICTURE_CACHE_CONTROL})
+    response.set_etag(digest)
+    response.last_modified = found.changed_at
+    response.make_conditional(request.environ, accept_ranges=True, complete_length=len(found.content))
     return response
 
 
