@@ -2,9 +2,11 @@
 
 import errno
 import os
+import socket
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from io import BytesIO
 from typing import TYPE_CHECKING
 
@@ -66,33 +68,48 @@ def _patient_app(config: Config) -> Flask:
 
 
 def _reading_to_the_end(app: Flask) -> Flask:
-    """Let what is left of a form be read before the answer goes out, such as where nothing can be stored anyway.
+    """Let a form be there before it is looked at, and what is left of longer ones be read before the answer goes out.
 
-    gunicorn would read it afterwards, and with it the beginning of the connection's next request, if that is there by
-    then; and nobody would hear of that request any more. What is too long, or does not come, is not waited for: the
-    connection is closed then.
+    gunicorn hands over a request before its form has come, so that whoever takes their time would hold up others, and
+    takes one that is cut off for whole. What is left it would read after the answer, and with it the beginning of the
+    connection's next request, if that is there by then; and nobody would hear of that request any more. What is too
+    long, or does not come, is not waited for: the connection is closed then.
     """
     answer = app.wsgi_app
 
     def read_and_answer(environ: "WSGIEnvironment", start_response: "StartResponse") -> Iterable[bytes]:
-        body, left = environ["wsgi.input"], _MAX_LEFT_BYTES
+        body, connection, left = environ["wsgi.input"], environ["gunicorn.socket"], _MAX_LEFT_BYTES
         length = int(environ.get("CONTENT_LENGTH") or 0)
         if length > left:
             return answer(environ, start_response)
         if 0 < length <= MAX_BODY_BYTES:
-            # Whoever takes their time sending it holds up nobody.
-            environ["wsgi.input"] = BytesIO(body.read(length))
-        answered, connection = answer(environ, start_response), environ["gunicorn.socket"]
-        before = connection.gettimeout()
-        connection.settimeout(_PART_WITHIN_S)
-        try:
+            with _no_part_late(connection):
+                form = body.read(length)
+            if len(form) < length:
+                raise _cut_off()
+            return answer({**environ, "wsgi.input": BytesIO(form)}, start_response)
+        answered = answer(environ, start_response)
+        with _no_part_late(connection):
             while left > 0 and (part := body.read(min(left, _PART_BYTES))):
                 left -= len(part)
-        except OSError as error:
-            raise ConnectionResetError(errno.ECONNRESET, "the rest of a form did not come") from error
-        finally:
-            connection.settimeout(before)
         return answered
 
     app.wsgi_app = read_and_answer  # type: ignore[method-assign]
     return app
+
+
+@contextmanager
+def _no_part_late(connection: socket.socket) -> Iterator[None]:
+    before = connection.gettimeout()
+    connection.settimeout(_PART_WITHIN_S)
+    try:
+        yield
+    except OSError as error:
+        raise _cut_off() from error
+    finally:
+        connection.settimeout(before)
+
+
+def _cut_off() -> ConnectionResetError:
+    """Return what gunicorn closes the connection for."""
+    return ConnectionResetError(errno.ECONNRESET, "the rest of a form did not come")

@@ -10,6 +10,7 @@ from flask import Flask, request
 from werkzeug.test import Client
 
 from tests.web.people import SAME_SITE
+from webapp import wsgi
 from webapp.app import MAX_BODY_BYTES, _one_at_a_time
 from webapp.config import Config
 from webapp.storage.baton import Baton
@@ -65,6 +66,9 @@ def test_an_error_keeps_no_baton(app: Flask) -> None:
     assert not services_of(app).database.baton._lock.locked()
 
 
+PATIENCE_S = 10
+
+
 class _Body:
     """What a browser sends, with a note of who waited for it."""
 
@@ -93,6 +97,46 @@ def test_nobody_waits_while_a_form_is_sent_to_gunicorn(app: Flask, size: int, st
     assert answer.status_code == status
     assert True not in body.waited_with
     assert body.waited_with
+
+
+class _Silent:
+    """A form that does not come, as gunicorn's socket tells."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self.waited_s: list[float | None] = []
+        self._connection = connection
+
+    def read(self, _size: int = -1) -> bytes:
+        self.waited_s.append(self._connection.gettimeout())
+        return self._connection.recv(1)
+
+
+def _send(app: Flask, method: str, body: BytesIO | _Silent, connection: socket.socket) -> None:
+    sent = {"gunicorn.socket": connection, "wsgi.input": body, "CONTENT_LENGTH": "9"}
+    Client(_reading_to_the_end(app)).open("/consent", method=method, headers=SAME_SITE, environ_overrides=sent)
+
+
+def test_a_form_that_is_cut_off_is_no_form(app: Flask) -> None:
+    """Its end could be that of an answer: 1 for 10."""
+    answered: list[int] = []
+    app.before_request(lambda: answered.append(1))
+    ours, theirs = socket.socketpair()
+    with ours, theirs, pytest.raises(ConnectionResetError):
+        _send(app, "POST", BytesIO(b"agree=y"), ours)
+    assert not answered
+
+
+@pytest.mark.parametrize("method", ["GET", "POST"])
+def test_a_form_that_does_not_come_is_not_waited_for(app: Flask, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(wsgi, "_PART_WITHIN_S", 0.05)
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        ours.settimeout(PATIENCE_S)
+        silent = _Silent(ours)
+        with pytest.raises(ConnectionResetError):
+            _send(app, method, silent, ours)
+        assert silent.waited_s == [0.05]
+        assert ours.gettimeout() == PATIENCE_S
 
 
 def test_only_postgresql_has_threads_take_turns(instance: Path, start_app: Callable[[Config], Flask]) -> None:

@@ -47,7 +47,7 @@ class Database:
         self.path, self.url = path, url
         self.edition: Edition = SqliteEdition(path) if url is None else _postgres(url)
         self.baton = Baton()
-        self._turns = GroupCommit(self.edition.writing, baton=self.baton)
+        self._turns = GroupCommit(self.edition.writing, baton=self.baton, before_undoing=self.edition.close_cursors)
 
     @contextmanager
     def write(self) -> Iterator[Connection]:
@@ -67,7 +67,7 @@ class Database:
 
     @contextmanager
     def look(self) -> Iterator[Connection]:
-        """Open a connection for a single question: each statement on it sees a state of its own. Nothing is written."""
+        """Open a connection for a single question, not for changes: each statement on it sees a state of its own."""
         with self.edition.looking() as connection:
             yield connection
 

@@ -57,6 +57,9 @@ class Edition(Protocol):
     def looking(self) -> AbstractContextManager[Connection]:
         """Open a connection on which each statement that reads sees a state of its own, which takes less time."""
 
+    def close_cursors(self, connection: Connection) -> None:
+        """Let nothing be read further on a connection, before what opened it is undone."""
+
     def probe(self) -> None:
         """Write something and undo it."""
 

@@ -75,6 +75,7 @@ class GroupCommit:
         begin: Callable[[], AbstractContextManager[Connection]],
         max_members: int = MAX_MEMBERS,
         baton: Baton | None = None,
+        before_undoing: Callable[[Connection], None] = lambda _: None,
     ) -> None:
         """Take turns.
 
@@ -83,11 +84,13 @@ class GroupCommit:
                 exception. It may be left by another thread than it was entered by. Only one is open at a time.
             max_members: How many turns share a commit at most.
             baton: What threads that wait lay aside.
+            before_undoing: Called before a turn is undone.
         """
         self.num_commits = 0
         self._begin = begin
         self._max_members = max_members
         self._baton = baton or Baton()
+        self._before_undoing = before_undoing
         self._lock = threading.Lock()
         self._is_taken = False
         self._waiting: deque[_Signal] = deque()
@@ -175,7 +178,7 @@ class GroupCommit:
     def _join(self) -> "_Group":
         if self._group is None:
             with self._baton.aside():
-                self._group = _Group(self._begin(), self._baton)
+                self._group = _Group(self._begin(), self._baton, self._before_undoing)
         self._group.num_members += 1
         return self._group
 
@@ -195,12 +198,18 @@ class _Group:
         broken_by: Why nothing of it can be kept; None while it can.
     """
 
-    def __init__(self, transaction: AbstractContextManager[Connection], baton: Baton) -> None:
+    def __init__(
+        self,
+        transaction: AbstractContextManager[Connection],
+        baton: Baton,
+        before_undoing: Callable[[Connection], None],
+    ) -> None:
         self.connection = transaction.__enter__()
         self.num_members = 0
         self.broken_by: BaseException | None = None
         self._transaction = transaction
         self._baton = baton
+        self._before_undoing = before_undoing
         self._finished = _Signal()
 
     @contextmanager
@@ -220,6 +229,7 @@ class _Group:
     def _undo(self) -> bool:
         """Go back to the savepoint; some errors, such as a lost connection, have ended the whole transaction."""
         try:
+            self._before_undoing(self.connection)
             self.connection.info.pop(_KEPT, None)
             self.connection.exec_driver_sql(_GO_BACK)
         except SQLAlchemyError:

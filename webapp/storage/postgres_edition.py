@@ -21,7 +21,7 @@ from sqlalchemy.exc import (
 )
 from sqlalchemy.exc import TimeoutError as NoConnectionError
 
-from webapp.storage.editions import DatabaseError, UnreachableError
+from webapp.storage.editions import DatabaseError, UnavailableError, UnreachableError
 
 STATEMENT_TIMEOUT_S = 10
 """How long a statement may take, the waiting for other writers included."""
@@ -92,6 +92,7 @@ class PostgresEdition:
             connection.execute(select(func.pg_advisory_xact_lock(WRITERS_LOCK)))
             with _cursors_closed(connection):
                 yield connection
+            _make_sure_that_it_can_be_committed(connection)
 
     @contextmanager
     def reading(self, *, is_long: bool = False) -> Iterator[Connection]:
@@ -108,6 +109,10 @@ class PostgresEdition:
         """Open a connection on which each statement that reads sees a state of its own."""
         with _no_wait_without_end(), self._looks.connect() as connection:
             yield connection
+
+    def close_cursors(self, connection: Connection) -> None:
+        """Close what was not read to its end; the server forgets it with what opened it, and closing it later fails."""
+        _close_cursors(connection)
 
     def probe(self) -> None:
         """Write a row again as it is, and undo it; nobody who writes answers is waited for."""
@@ -196,10 +201,28 @@ def _cursors_closed(connection: Connection) -> Iterator[None]:
     try:
         yield
     finally:
-        if not connection.invalidated:
-            for cursor in connection.info.pop(_CURSORS, ()):
-                with suppress(psycopg.Error):
-                    cursor.close()
+        _close_cursors(connection)
+
+
+def _close_cursors(connection: Connection) -> None:
+    if not connection.invalidated:
+        for cursor in connection.info.pop(_CURSORS, ()):
+            with suppress(psycopg.Error):
+                cursor.close()
+
+
+def _make_sure_that_it_can_be_committed(connection: Connection) -> None:
+    """Refuse to commit what an error has ended, which PostgreSQL would undo without a word.
+
+    Raises:
+        UnavailableError: Nothing of it can be stored.
+    """
+    driver = connection.connection.driver_connection
+    assert isinstance(driver, psycopg.Connection)  # noqa: S101 - for the type checker
+    status = driver.info.transaction_status
+    if status != psycopg.pq.TransactionStatus.INTRANS:
+        cause = psycopg.errors.InFailedSqlTransaction(f"the transaction is {status.name}")
+        raise UnavailableError("COMMIT", None, cause)
 
 
 def _is_unavailable(context: ExceptionContext) -> Exception | None:

@@ -65,9 +65,15 @@ class SqliteEdition:
                 raise
             raise DatabaseError(f"{path} cannot be used as the database: {error.__cause__ or error}") from error
 
-    def writing(self) -> AbstractContextManager[Connection]:
+    @contextmanager
+    def writing(self) -> Iterator[Connection]:
         """Open a transaction on the one connection that writes; whoever calls sees to it that only one is open."""
-        return self._writer.begin()
+        with self._writer.begin() as connection:
+            yield connection
+            driver = connection.connection.driver_connection
+            assert isinstance(driver, sqlite3.Connection)  # noqa: S101 - for the type checker
+            if not driver.in_transaction:  # Some errors end it, and nobody told.
+                raise UnavailableError("COMMIT", None, sqlite3.OperationalError("the transaction has ended"))
 
     @contextmanager
     def reading(self, *, is_long: bool = False) -> Iterator[Connection]:  # noqa: ARG002 - nothing ends it here.
@@ -78,6 +84,9 @@ class SqliteEdition:
     def looking(self) -> AbstractContextManager[Connection]:
         """Open a connection on which each statement that reads sees a state of its own."""
         return self._lookers.connect()
+
+    def close_cursors(self, connection: Connection) -> None:
+        """Do nothing: nothing can go wrong with them."""
 
     def probe(self) -> None:
         """Begin to make a table and undo it."""

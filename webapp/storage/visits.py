@@ -1,4 +1,4 @@
-"""Everything that a request of a participant needs to know, read in one transaction."""
+"""Everything that a request of a participant needs to know."""
 
 import threading
 from collections import OrderedDict
@@ -48,6 +48,8 @@ class RecentTrials:
                 self._known.move_to_end(key)
                 return self._known[key]
         trials = read_trials(connection, participant)
+        if not trials:  # The participant was erased a moment ago.
+            return trials
         with self._lock:
             self._known[key] = trials
             if len(self._known) > self._most:
@@ -56,7 +58,7 @@ class RecentTrials:
 
 
 def find_visit(database: Database, token_hash: str, recent: RecentTrials) -> StoredVisit | None:
-    """Return what is stored of the participant whose token has this hash, as of one moment, or None."""
+    """Return what is stored of the participant whose token has this hash, or None; not quite as of one moment."""
     with database.look() as connection:
         participant = read_participant(connection, token_hash)
         if participant is None:

@@ -4,7 +4,7 @@ from flask import Blueprint, Response, abort, flash, render_template, request, u
 
 from webapp.storage.answers import store_page
 from webapp.storage.enrolment import find_recruit
-from webapp.storage.participants import Participant, find_participant, withdraw
+from webapp.storage.participants import Participant, withdraw
 from webapp.study.recruitment import Ending, way_back
 from webapp.study.sections import ReturnPath
 from webapp.study.session import DRIVEN
@@ -59,7 +59,7 @@ def submit_page(number: int) -> Response | tuple[str, int]:
     if outcome != "accept":
         if outcome != "ended":
             flash(outcome)
-        return go_to(place_of(_anew(visit.participant)))
+        return go_to(place_of(load_participant()))
     if content.failed and not content.screens_out:
         flash("quiz_failed")
     return go_to(place_after(visit.participant, page, content))
@@ -120,12 +120,6 @@ def picture(digest: str) -> Response:
     response.last_modified = found.changed_at
     response.make_conditional(request.environ, accept_ranges=True, complete_length=len(found.content))
     return response
-
-
-def _anew(participant: Participant) -> Participant:
-    found = find_participant(services().database, participant.token_hash)
-    assert found is not None  # noqa: S101 - for the type checker: it was there a moment ago
-    return found
 
 
 def _back(participant: Participant, ending: Ending) -> ReturnPath | None:

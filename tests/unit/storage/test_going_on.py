@@ -21,7 +21,7 @@ from tests.unit.storage.people import (
 )
 from webapp.storage.answers import store_page
 from webapp.storage.contents import as_stored
-from webapp.storage.database import Database
+from webapp.storage.database import Database, UnavailableError
 from webapp.storage.enrolment import Enrolment, enrol
 from webapp.storage.erasure import erase
 from webapp.storage.helping import release_page, restart_page
@@ -204,3 +204,19 @@ def test_rows_are_told_whole_and_in_order() -> None:
     told = as_stored(ratings, [{"page_number": 3, "item": name, "rating": 2} for name in ("b", "é", "Z", "a")])
     assert [row["item"] for row in told] == ["Z", "a", "b", "é"]
     assert {tuple(row) for row in told} == {("page_number", "item", "rating", "response_time_ms")}
+
+
+@pytest.mark.sqlite_only(reason="PostgreSQL has a test of its own")
+def test_nobody_is_told_that_something_is_stored_after_the_transaction_has_ended(database: Database) -> None:
+    """SQLite undoes a transaction by itself after some errors, such as those of a full disk."""
+    person, page = at_a_plain_page(database)
+
+    def go_on_after_the_end() -> None:
+        with database.write() as connection:
+            driver = connection.connection.driver_connection
+            assert driver is not None
+            driver.rollback()
+
+    with pytest.raises(UnavailableError):
+        go_on_after_the_end()
+    assert store(database, person, page) == "accept"

@@ -6,18 +6,21 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import closing
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
 from sqlalchemy import func, insert, select, text
+from sqlalchemy.exc import DBAPIError
 
 from tests import postgres
 from tests.unit.storage.people import NOW, at_once, enrol_somebody
 from webapp.storage.database import Database, DatabaseError, UnavailableError, UnreachableError
 from webapp.storage.postgres_edition import PostgresEdition
+from webapp.storage.records import Entry, append, told_by
 from webapp.storage.snapshot import snapshot
-from webapp.storage.tables import participants, sign_in_attempts
+from webapp.storage.tables import participants, records, sign_in_attempts
 from webapp.storage.verification import verify_log
 
 HERE = Path("unused")
@@ -240,3 +243,56 @@ def test_servers_that_start_at_once_make_the_tables_once(postgres_server: postgr
         program.check_version()
         program.close()
     postgres_server.drop(name)
+
+
+def noted(name: str) -> Entry:
+    return Entry(NOW, "researcher", "noted", content={"name": name})
+
+
+def num_records(database: Database) -> int:
+    with database.read() as connection:
+        return connection.execute(select(func.count()).select_from(records)).scalar_one()
+
+
+def note_and_pass_over_an_error(database: Database, name: str) -> None:
+    with database.write() as connection:
+        append(connection, noted(name))
+        with suppress(DBAPIError):
+            connection.execute(text("SELECT 1/0"))
+
+
+def test_nobody_is_told_that_something_is_stored_after_an_error_that_was_passed_over(database: Database) -> None:
+    """PostgreSQL answers the wish to commit with an undoing, and does not call that an error."""
+    with pytest.raises(UnavailableError):
+        note_and_pass_over_an_error(database, "lost")
+    assert num_records(database) == 0
+    with database.write() as connection:
+        append(connection, noted("kept"))
+    assert num_records(database) == 1
+
+
+def test_whoever_leaves_rows_unread_and_fails_costs_the_others_of_the_group_nothing(database: Database) -> None:
+    """Going back to before takes their cursor away, and closing it afterwards would be an error that ends all."""
+    with database.write() as connection:
+        for number in range(5):
+            append(connection, noted(f"before {number}"))
+    has_turn = threading.Event()
+
+    def first() -> None:
+        with database.write() as connection:
+            append(connection, noted("first"))
+            has_turn.set()
+            while not database._turns._waiting:
+                time.sleep(0.001)
+
+    def second() -> None:
+        assert has_turn.wait(10)
+        with database.write() as connection:
+            next(told_by(connection, "noted"))
+            connection.execute(text("SELECT 1/0"))
+
+    with ThreadPoolExecutor(2) as pool:
+        futures = [pool.submit(action) for action in (first, second)]
+    assert futures[0].exception() is None
+    assert isinstance(futures[1].exception(), DBAPIError)
+    assert num_records(database) == 6
