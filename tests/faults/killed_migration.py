@@ -23,6 +23,7 @@ def migrate_counting(path: Path, kept: Path, before: int, is_naive: bool, count:
         driver = connection.connection.driver_connection
         if is_naive and isinstance(driver, sqlite3.Connection) and driver.in_transaction:
             driver.execute("COMMIT")
+            driver.execute("BEGIN")
 
     migrate(path, kept, NOW)
     if count.value == before:
