@@ -47,6 +47,8 @@ MAX_CONNECTIONS = 1500
 """A browser keeps up to six connections open after a page; beyond this many in all, nobody new is let in."""
 MAX_BODY_BYTES = 64 * 1024
 MAX_FORM_PARTS = 100
+# What a process has open besides: the database, and what takes in connections.
+_OTHER_FILES = 100
 # How long an idle connection is kept.
 _IDLE_S = 30
 # Above the app's own limit, so that somebody who sends too much is told so on one of our pages.
@@ -188,7 +190,7 @@ def _serve(app: Flask, config: Config, announce: Callable[[str], None]) -> None:
             host=config.host,
             port=config.port,
             threads=NUM_THREADS,
-            connection_limit=MAX_CONNECTIONS,
+            connection_limit=_room_for_connections(),
             channel_timeout=_IDLE_S,
             cleanup_interval=_IDLE_S // 2,
             ident=None,
@@ -197,7 +199,6 @@ def _serve(app: Flask, config: Config, announce: Callable[[str], None]) -> None:
     except (OSError, ValueError) as error:  # Waitress says with a ValueError that there is no such host.
         reason = error.strerror if isinstance(error, OSError) else "there is no such address"
         raise ConfigError(f"cannot listen on {config.host} port {config.port}: {reason}") from error
-    _allow_open_files(2 * MAX_CONNECTIONS)
     signal.signal(signal.SIGTERM, _stop)
     port = next(int(opened.effective_port) for opened in sockets.values() if opened.accepting)
     tell_start(app, port, announce)
@@ -209,11 +210,15 @@ def _serve(app: Flask, config: Config, announce: Callable[[str], None]) -> None:
         server.close()
 
 
-def _allow_open_files(wanted: int) -> None:
-    """Let the process hold as many connections as it lets in, as far as the system allows it."""
+def _room_for_connections() -> int:
+    """Let the process hold as many connections as it lets in, and let in no more than the system allows it to hold."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if soft < wanted:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (min(wanted, hard), hard))
+    wanted = 2 * MAX_CONNECTIONS
+    if hard != resource.RLIM_INFINITY:
+        wanted = min(wanted, hard)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+    return max(1, min(MAX_CONNECTIONS, wanted - _OTHER_FILES))
 
 
 def refuse_several_for_sqlite(config: Config) -> None:
