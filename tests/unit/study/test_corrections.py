@@ -14,7 +14,7 @@ TRIAL = Trial(EXPERIMENT.id, 1, 1, EXPERIMENT.layouts[0], "full", None)
 
 def asked(kind: PageKind) -> Asked:
     trial = TRIAL if kind in {"rating", "probe", "satisfaction"} else None
-    return Asked(STUDY, Page(1, kind, trial), ("left", "right"))
+    return Asked(STUDY, Page(1, kind, trial, None if trial is None else 1), ("left", "right"))
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ def test_what_nobody_could_have_answered_cannot(
 def test_the_scale_is_that_of_the_item() -> None:
     item = EXPERIMENT.items[0].model_copy(update={"points": 7})
     experiment = EXPERIMENT.model_copy(update={"items": (item,)})
-    longer = Asked(STUDY.model_copy(update={"experiments": (experiment,)}), Page(1, "rating", TRIAL))
+    longer = Asked(STUDY.model_copy(update={"experiments": (experiment,)}), Page(1, "rating", TRIAL, 1))
     longer.check("ratings", item.id, "7")
     with pytest.raises(ImpossibleAnswerError, match=r"'8' .* from 1 to 7"):
         longer.check("ratings", item.id, "8")

@@ -242,3 +242,10 @@ def test_a_page_before_the_trials_has_none() -> None:
     for kind in ("background", "instructions", "practice", "quiz"):
         with pytest.raises(ValueError, match=f"'{kind}'"):
             Page(1, kind, plan(0, 0)[0])
+
+
+def test_a_page_of_a_trial_has_the_number_of_the_trial_and_no_other_page_has_one() -> None:
+    with pytest.raises(ValueError, match="a trial and its number or neither, not None"):
+        Page(3, "rating", plan(0, 0)[0])
+    with pytest.raises(ValueError, match="a trial and its number or neither, not 1"):
+        Page(1, "quiz", None, 1)
