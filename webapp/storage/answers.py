@@ -61,7 +61,8 @@ def store_page(
         if attempt is not None:
             insert_answers(connection, fresh.id, page, content, attempt, now)
         if content.is_final:
-            _end_page(connection, fresh, page, nonce, content, attempt, now)
+            touch(connection, fresh, now, **ending)
+            _keep_page(connection, fresh, page, nonce, content, attempt, now)
         elif attempt is not None:
             touch(connection, fresh, now)
             rows = attempt_rows(Stored(connection), fresh.id, page.number, attempt)
@@ -151,21 +152,10 @@ def _store_step(
         if ending is None:
             touch(connection, fresh, now)
         else:
-            _end_page(connection, fresh, page, *ending, None, now)
+            nonce, content = ending
+            touch(connection, fresh, now, **_ending(fresh, page, content, now))
+            _keep_page(connection, fresh, page, nonce, content, None, now)
         return "accept"
-
-
-def _end_page(
-    connection: Connection,
-    participant: Participant,
-    page: Page,
-    nonce: str,
-    content: PageContent,
-    attempt: int | None,
-    now: datetime,
-) -> None:
-    touch(connection, participant, now, **_ending(participant, page, content, now))
-    _keep_page(connection, participant, page, nonce, content, attempt, now)
 
 
 def _keep_page(
